@@ -2,12 +2,57 @@
 
 The repository root is the Blender extension and the Python package ``icymoon``. Nothing of Blender
 is imported before ``register``, so that the evaluator and the command line can use the package
-from any Python.
+from any Python. What programs and notebooks use is imported when it is first asked for.
 """
 
 from __future__ import annotations
 
 import atexit
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .errors import IcyMoonError
+    from .library.evaluation import Evaluation, evaluate
+    from .library.rendered_pair import RenderedEye, RenderedPair, open_pair, open_pairs
+    from .library.renderers import InProcess, Worker
+    from .library.scene import Scene
+    from .library.sweep import Sweep, SweepPoint
+    from .settings.preset_files import preset_names
+
+#: The names that programs use, and the modules that they are from.
+_NAMES = {"Evaluation": "library.evaluation", "IcyMoonError": "errors", "InProcess": "library.renderers",
+          "RenderedEye": "library.rendered_pair", "RenderedPair": "library.rendered_pair", "Scene": "library.scene",
+          "Sweep": "library.sweep", "SweepPoint": "library.sweep", "Worker": "library.renderers",
+          "evaluate": "library.evaluation", "open_pair": "library.rendered_pair",
+          "open_pairs": "library.rendered_pair", "preset_names": "settings.preset_files"}
+
+__all__ = [
+    "Evaluation",
+    "IcyMoonError",
+    "InProcess",
+    "RenderedEye",
+    "RenderedPair",
+    "Scene",
+    "Sweep",
+    "SweepPoint",
+    "Worker",
+    "evaluate",
+    "open_pair",
+    "open_pairs",
+    "preset_names",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _NAMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    import importlib
+
+    return getattr(importlib.import_module(f".{_NAMES[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
 
 
 def register() -> None:

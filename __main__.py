@@ -14,11 +14,12 @@ from pathlib import Path
 from types import TracebackType
 
 #: Verbs that are programs of their own: what they import must not be needed by the others.
-_PROGRAMS = {"stereo": "stereo.cli", "worker": "render.worker", "assets": "render.asset_worker",
+_PROGRAMS = {"stereo": "stereo.cli", "worker": "render.worker",
+             "resident-worker": "render.resident_worker", "assets": "render.asset_worker",
              "probe": "render.probe_blender", "measure": "stereo.measuring_processes",
              "install": "stereo.environment.install"}
 #: Those that run in Blender.
-_IN_BLENDER = {"worker", "assets", "probe"}
+_IN_BLENDER = {"worker", "resident-worker", "assets", "probe"}
 #: Pythons that Blender as a module is made for, see pyproject.toml; the least that anything here runs on.
 _WITH_BLENDER, _LEAST = ((3, 11), (3, 13)), (3, 11)
 
@@ -36,8 +37,8 @@ def main(arguments: list[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     system = importlib.import_module("icymoon.system")
     system.set_utf8_output()
-    # These two may be busy for minutes, and leave nothing unfinished.
-    system.obey_starter(at_once=arguments[:1] in (["worker"], ["assets"]))
+    # These may be busy for minutes, and leave nothing unfinished.
+    system.obey_starter(at_once=arguments[:1] in (["worker"], ["resident-worker"], ["assets"]))
     if arguments and arguments[0] in _PROGRAMS:
         if arguments[0] in _IN_BLENDER and "bpy" not in sys.modules and importlib.util.find_spec("bpy") is None:
             importlib.import_module("icymoon.render.workers.process").emit("error", message=no_blender())

@@ -272,7 +272,7 @@ class TexturesSettings(Table):
 
     __slots__ = ()
     set: Literal["NONE", "FROST", "GRAINS", "CRACKS", "OWN", "MESH"]
-    mapping: Literal["OBJECT", "UV"]
+    mapping: Literal["OBJECT", "UV", "PATCH"]
     width_m: float  # m
     repeat: Literal["TURNED", "SHIFTED", "PLAIN"]
     height_m: float  # m

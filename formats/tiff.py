@@ -82,6 +82,14 @@ def read_directories(data: bytes) -> list[Directory]:
     return found
 
 
+def stores_floats(data: bytes) -> bool:
+    """Whether a file is a TIFF file of floating-point numbers; False for one that is torn, or none."""
+    try:
+        return read_directories(data)[0].number(339, 1) == 3
+    except (struct.error, KeyError, ValueError):
+        return False
+
+
 def _read_tags(data: bytes, at: int, order: str, place: str) -> tuple[Tags, int]:
     """Values of a directory's tags by number, and where it ends."""
     big = place.endswith("Q")

@@ -85,7 +85,7 @@ def has_effect(topic: str, key: str, root: Any) -> bool:
     if topic in ("surface", "rock_surface"):
         return bool(key not in _SURFACE_NEEDS or getattr(group, _SURFACE_NEEDS[key]) > 0)
     if topic == "textures" and key in ("width_m", "repeat"):
-        return not uses_uv(TexturesSettings(set=group.set, mapping=group.mapping))
+        return group.mapping != "PATCH" and not uses_uv(TexturesSettings(set=group.set, mapping=group.mapping))
     if topic == "textures" and key != "set":
         return bool(key.endswith("_file") or group.set != "MESH")
     return _HAS_EFFECT.get(topic, _always)(key, group)

@@ -1,4 +1,5 @@
-"""Writes the types of the settings, ``typed_settings.py``, from the table of settings.
+"""Writes the types of the settings, ``typed_settings.py``, and of changes of them, ``settings/overrides.py``, from the
+table of settings.
 
     python -m icymoon.settings.make_types
 """
@@ -11,6 +12,7 @@ from ..files import read_text, write_text
 from .table import TOPICS, Setting, Topic
 
 PATH = Path(__file__).resolve().parents[1] / "typed_settings.py"
+OVERRIDES = Path(__file__).resolve().parent / "overrides.py"
 MARK = "# MADE FROM HERE ON\n"
 _WIDTH = 120
 
@@ -87,10 +89,31 @@ def _quoted(text: str) -> str:
     return f'"{text}"'
 
 
-def complete(text: str) -> str:
-    """The text of the file, with the types of the present table below the mark."""
-    return text[:text.index(MARK) + len(MARK)] + made()
+def override_name(topic: str) -> str:
+    """The class of changes of a topic, such as ``RockSurfaceOverrides``."""
+    return f"{_camel_case(topic)}Overrides"
+
+
+def made_overrides() -> str:
+    """The text of ``settings/overrides.py`` below the mark."""
+    classes = []
+    for topic in TOPICS.values():
+        parts = {f"{entry_name(topic.key, s.key)}Overrides": s.entries for s in topic.settings if s.entries}
+        for name, settings in {**parts, override_name(topic.key): topic.settings}.items():
+            lines = (_attribute(topic.key, s) if s.kind != "list" else
+                     f"    {s.key}: list[{entry_name(topic.key, s.key)}Overrides]\n" for s in settings)
+            classes.append(f'class {name}(TypedDict, total=False):\n    """Changes of ``{topic.key}``."""\n\n'
+                           + "".join(lines))
+    return "".join([*(f"\n\n{text}" for text in classes), "\n\nclass Overrides(TypedDict, total=False):\n",
+                    '    """Changes of some settings of a scene, by topic."""\n\n',
+                    *(f"    {key}: {override_name(key)}\n" for key in TOPICS)])
+
+
+def complete(text: str, below: str) -> str:
+    """The text of a file, with the types of the present table, ``made`` or ``made_overrides``, below the mark."""
+    return text[:text.index(MARK) + len(MARK)] + below
 
 
 if __name__ == "__main__":
-    write_text(PATH, complete(read_text(PATH)))
+    write_text(PATH, complete(read_text(PATH), made()))
+    write_text(OVERRIDES, complete(read_text(OVERRIDES), made_overrides()))

@@ -424,7 +424,9 @@ TEXTURES = Topic("textures", "Textures", "Images on the ground and on rocks", (
             "coordinates", "material",
             choices=(("OBJECT", "By Position", "Projected from above, and from the side on steep slopes"),
                      ("UV", "By UV", "By the UV coordinates of the mesh file. Image Width and Repeats have no effect. "
-                      "Rocks have no UV coordinates and get the mean of the images"))),
+                      "Rocks have no UV coordinates and get the mean of the images"),
+                     ("PATCH", "Over the Patch", "Once over the square of the patch around the origin, seen from "
+                      "above, with north up. Image Width and Repeats have no effect"))),
     _metres("width_m", "Image Width", 0.5, 1.0e-3, 1.0e4, (0.05, 10.0), "Width of an image that is mapped by position",
             "material"),
     Setting("repeat", "Repeats", "TURNED", "How an image that is mapped by position continues beyond its edges",

@@ -14,7 +14,7 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("commands", "formats", "nodes", "operators", "panels", "physics", "render", "settings", "stereo")
+PACKAGES = ("commands", "formats", "library", "nodes", "operators", "panels", "physics", "render", "settings", "stereo")
 NEEDED = ("blender_manifest.toml", "LICENSE", "stereo/report/report.html.j2", "stereo/environment/evaluator.lock",
           "presets/scenes/europa_rough_ice.toml")
 

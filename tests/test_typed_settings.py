@@ -21,8 +21,9 @@ LAYERED = {"terrain": {"layers": [{"amplitude_m": 0.5}]}}
 
 
 def test_the_types_are_those_of_the_table():
-    text = make_types.PATH.read_text(encoding="utf-8")
-    assert text == make_types.complete(text), "python -m icymoon.settings.make_types writes it anew"
+    for path, below in ((make_types.PATH, make_types.made()), (make_types.OVERRIDES, make_types.made_overrides())):
+        text = path.read_text(encoding="utf-8")
+        assert text == make_types.complete(text, below), "python -m icymoon.settings.make_types writes it anew"
 
 
 def test_no_setting_has_a_name_that_a_dictionary_uses_itself():

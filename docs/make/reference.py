@@ -24,6 +24,7 @@ from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import MATCHERS
 from icymoon.version import ROOT
 from mistakes import MISTAKES
+from python_api import page as _python
 
 #: The first step that must be repeated after a change of a setting, by its effect.
 EFFECTS = {"geometry": "build", "material": "render", "light": "render", "camera": "render", "sampling": "render",
@@ -34,7 +35,7 @@ def pages() -> dict[str, str]:
     """Every generated page."""
     return {"reference/settings.md": _settings(), "reference/presets.md": _presets(), "reference/cli.md": _cli(),
             "reference/matchers.md": _matchers(), "reference/operators.md": _operators(),
-            "reference/errors.md": _errors(),
+            "reference/errors.md": _errors(), "reference/python.md": _python(),
             "reference/requires.md": _requires()}
 
 

@@ -70,7 +70,8 @@ def _load_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
     if textures.set == "NONE":
         return None
     if not uses_uv(textures):
-        return Textured(textures, load_maps(textures, _image_files(settings)))
+        placement = "PATCH" if textures.mapping == "PATCH" else "POSITION"
+        return Textured(textures, load_maps(textures, _image_files(settings)), placement, settings.terrain.size_m)
     if mesh.is_editmode:  # in Edit Mode the mesh has no UV coordinates
         raise IcyMoonError("The ground is being edited; leave Edit Mode to see changes of surfaces with images by UV.")
     refuse_without_uv(settings, UV_LAYER in mesh.attributes)

@@ -15,6 +15,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...formats.mesh_images import MeshImage
+from ...formats.tiff import stores_floats
 from ...labels import UV_LAYER
 from ...physics.mesh import texture_coordinates
 from ...physics.surfaces.textures import SIZE, make_maps
@@ -122,7 +123,9 @@ def _load_map(kind: str, source: MeshImage, name: str) -> Map:
     found = _find_map(key)
     if found is None:
         image = _unpack_image(source) if source.data else bpy.data.images.load(str(path), check_existing=False)
-        if kind != "albedo" and not image.is_float:
+        # Blender takes floats in a TIFF for sRGB, which nobody writes.
+        floats = path.suffix.lower() in (".tif", ".tiff") and stores_floats(path.read_bytes())
+        if floats or (kind != "albedo" and not image.is_float):
             image.colorspace_settings.name = "Non-Color"
         try:
             found = _remember_map(key, image, _mean(path, name, image))

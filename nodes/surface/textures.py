@@ -31,22 +31,28 @@ _WALL = 0.5
 class Textured:
     """``textures`` settings with their maps, and how these are mapped to a surface.
 
-    ``placement`` is POSITION, UV, or MEAN: the mean of each image everywhere, for rocks without UV coordinates.
+    ``placement`` is POSITION, UV, PATCH, or MEAN: the mean of each image everywhere, for rocks without UV coordinates.
+    ``patch_m`` is the side of the patch.
     """
 
     settings: TexturesSettings
     maps: Mapping[str, Map]
     placement: str = "POSITION"
+    patch_m: float = math.nan
 
     def make_sampler(self, tree: Tree, geometry: Any, offset: tuple[float, float]) -> Sampler:
         """The sampler of the maps in a tree. ``offset``, in image widths, shifts images that are mapped by position."""
         if self.placement == "UV":
             return ByUV(tree, geometry)
+        if self.placement == "PATCH":
+            return OverPatch(tree, self.settings, geometry, self.patch_m)
         return Mean(tree) if self.placement == "MEAN" else Pieces(tree, self.settings, geometry, offset)
 
 
 class Sampler:
     """Samples images on a surface: at each point a few pieces, each a place on the image, a weight and an angle."""
+
+    _EXTENSION = "REPEAT"  # how an image continues beyond its edges
 
     def __init__(self, tree: Tree) -> None:
         self.tree = tree
@@ -74,7 +80,7 @@ class Sampler:
     def _images(self, kind: str, of: Map) -> list[Any]:
         """Output sockets of the image's colour at each piece."""
         return [self.tree.node("ShaderNodeTexImage", f"{kind.title()} {k}", {"Vector": place}, image=of.image,
-                               interpolation="Linear", extension="REPEAT").outputs[0]
+                               interpolation="Linear", extension=self._EXTENSION).outputs[0]
                 for k, (place, _, _) in enumerate(self.pieces)]
 
     def _blended(self, kind: str, values: list[Any], mean: tuple[float, float, float]) -> Any:
@@ -204,3 +210,18 @@ class Pieces(Sampler):
                            self.combined("East Slopes", 0.0, x, y))
         tilt = self.chosen("Tilt", self.is_wall, self.combined("Top Slopes", x, y), side)
         return self.vector("NORMALIZE", "Mapped Normal", self.vector("ADD", "Tilted", self.normal, tilt))
+
+
+class OverPatch(Pieces):
+    """One piece: the whole image over the patch, seen from above. Beyond the patch its outermost pixels go on."""
+
+    _EXTENSION = "EXTEND"
+
+    def __init__(self, tree: Tree, textures: TexturesSettings, geometry: Any, patch_m: float) -> None:
+        super().__init__(tree, textures | {"repeat": "PLAIN", "width_m": patch_m}, geometry, (0.5, 0.5))
+
+    def _place(self, geometry: Any, textures: TexturesSettings, offset: tuple[float, float]) -> None:
+        at = self.vector("SCALE", "Patch Widths", geometry.outputs["Position"], scale=1.0 / textures.width_m)
+        x, y, _ = self.separated("Place", self.vector("ADD", "From Corner", at, (*offset, 0.0)))
+        self.normal, self.is_wall, self.faces_east = geometry.outputs["Normal"], 0.0, 0.0
+        self.plane = self.combined("From Above", x, y)

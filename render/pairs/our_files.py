@@ -15,6 +15,8 @@ from typing import Any
 from ... import system
 from ...errors import IcyMoonError
 
+#: Folder of a data set with what a program gave as arrays: heights, albedos, rocks.
+INPUTS = "inputs"
 _ID = re.compile(r"[0-9a-f]{12}")
 #: What ``files.part_of`` appends: host, process and number.
 _UNFINISHED = r"\.[^/\\]+-\d+-\d+\.part"

@@ -1,0 +1,90 @@
+"""Images as TIFF files: 8 and 16-bit whole numbers and 32-bit floats, with a place on the ground if they have one.
+
+TIFF 6.0 (Adobe 1992) in strips, compressed by deflate (Adobe's technical note of 2002); places by GeoTIFF 1.1 (OGC
+19-008r4). ``formats.geotiff`` reads them back, as do GDAL, QGIS, OpenCV and Blender.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Bytes of a strip before it is compressed, about: readers hold one at a time.
+_STRIP_BYTES = 1 << 18
+#: TIFF's number of a type, and the format of one value.
+_ASCII, _SHORT, _LONG, _DOUBLE = (2, "s"), (3, "H"), (4, "I"), (12, "d")
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a north-up image lies: the size of a pixel and the outer corner of the north-west one, in metres.
+
+    ``frame`` names the coordinate system, in a sentence.
+    """
+
+    pixel_m: float
+    west_m: float
+    north_m: float
+    frame: str
+
+
+def encode_tiff(pixels: np.ndarray, place: Place | None = None, description: str = "") -> bytes:
+    """The bytes of a TIFF file of pixels (H, W) or (H, W, bands), top row first: uint8, uint16 or float32.
+
+    Values of float images may be NaN, which ``place`` marks as missing. Raises ValueError for another type or shape.
+    """
+    image = pixels[..., None] if pixels.ndim == 2 else pixels
+    kinds = {np.dtype(np.uint8): 1, np.dtype(np.uint16): 1, np.dtype(np.float32): 3}
+    if image.ndim != 3 or image.dtype not in kinds or not image.size:
+        raise ValueError(f"pixels of {pixels.dtype} and shape {pixels.shape} are no image that is written here")
+    rows, columns, bands = image.shape
+    bits = 8 * image.dtype.itemsize
+    rows_each = max(1, _STRIP_BYTES // (columns * bands * image.dtype.itemsize))
+    data = np.ascontiguousarray(image, image.dtype.newbyteorder("<"))
+    strips = [zlib.compress(data[at:at + rows_each].tobytes(), 6) for at in range(0, rows, rows_each)]
+    tags: dict[int, tuple[tuple[int, str], list[float] | bytes]] = {
+        256: (_LONG, [columns]), 257: (_LONG, [rows]), 258: (_SHORT, [bits] * bands), 259: (_SHORT, [8]),
+        262: (_SHORT, [2 if bands >= 3 else 1]), 277: (_SHORT, [bands]), 278: (_LONG, [rows_each]),
+        279: (_LONG, [len(strip) for strip in strips]), 284: (_SHORT, [1]), 339: (_SHORT, [kinds[image.dtype]] * bands)}
+    if description:
+        tags[270] = (_ASCII, description.encode("ascii", "replace") + b"\0")
+    if extra := bands - (3 if bands >= 3 else 1):
+        tags[338] = (_SHORT, [0] * extra)
+    if place is not None:
+        tags |= _place_tags(place, image.dtype.kind == "f")
+    return _assemble(tags, strips)
+
+
+def _place_tags(place: Place, floats: bool) -> dict[int, tuple[tuple[int, str], list[float] | bytes]]:
+    """Scale, tie point and GeoKeys of a user-defined map in metres, whose heights are metres too."""
+    name = place.frame.encode("ascii", "replace") + b"|"
+    keys = [(1024, 0, 1, 1), (1025, 0, 1, 1), (1026, 34737, len(name), 0), (3072, 0, 1, 32767), (3076, 0, 1, 9001),
+            (4099, 0, 1, 9001)]
+    directory = [1, 1, 0, len(keys), *(number for key in keys for number in key)]
+    return {33550: (_DOUBLE, [place.pixel_m, place.pixel_m, 0.0]),
+            33922: (_DOUBLE, [0.0, 0.0, 0.0, place.west_m, place.north_m, 0.0]),
+            34735: (_SHORT, list(directory)), 34737: (_ASCII, name + b"\0"),
+            **({42113: (_ASCII, b"nan\0")} if floats else {})}
+
+
+def _assemble(tags: dict[int, tuple[tuple[int, str], list[float] | bytes]], strips: list[bytes]) -> bytes:
+    """The file: its header, the values of its tags, the strips, and the directory at the end."""
+    body = bytearray(b"II*\0\0\0\0\0")
+    offsets = []
+    for strip in strips:
+        offsets.append(len(body))
+        body += strip + b"\0" * (len(strip) % 2)
+    tags = {**tags, 273: (_LONG, list(offsets))}
+    entries = []
+    for number, ((kind, letter), values) in sorted(tags.items()):
+        packed = values if isinstance(values, bytes) else struct.pack(f"<{len(values)}{letter}", *values)
+        field = packed.ljust(4, b"\0")
+        if len(packed) > 4:
+            field = struct.pack("<I", len(body))
+            body += packed + b"\0" * (len(packed) % 2)
+        entries.append(struct.pack("<HHI", number, kind, len(values)) + field)
+    struct.pack_into("<I", body, 4, len(body))
+    return bytes(body + struct.pack("<H", len(entries)) + b"".join(entries) + b"\0\0\0\0")

@@ -1,0 +1,1 @@
+"""Icy Moon as a Python library: what ``import icymoon`` offers to programs and notebooks."""

@@ -1,0 +1,141 @@
+"""Pairs matched and measured, by our matchers and by functions of your own."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..settings.overrides import Overrides
+from .rendered_pair import RenderedPair, response_of
+
+#: Finds the disparity in px, (H, W), NaN where it finds none, of rectified images, uint8 (H, W) each.
+Matcher = Callable[..., np.ndarray]
+#: What a function may ask for beside the images, by the names of its parameters.
+_ASKED = ("max_disparity_px", "camera")
+#: Columns of the table that an evaluation shows of itself, and their digits.
+_SHOWN = {"coverage": 3, "epe_px": 3, "bad_1": 3, "l1_m": 4}
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The result of ``evaluate``.
+
+    ``summary`` has the mean metrics over all pairs by method, ``rows`` a dictionary for each pair and method (what is
+    in them: the manual's page on metrics), ``notes`` sentences on what limits the comparison. The files are in
+    ``folder``; ``report`` is the page to open in a browser.
+    """
+
+    folder: Path
+    summary: dict[str, dict[str, float | None]]
+    rows: list[dict[str, Any]]
+    notes: list[str]
+
+    @property
+    def report(self) -> Path:
+        """The page that shows everything."""
+        return self.folder / "report.html"
+
+    def __repr__(self) -> str:
+        heads = ["method", *_SHOWN]
+        lines = [[name, *(_number(numbers.get(key), digits) for key, digits in _SHOWN.items())]
+                 for name, numbers in self.summary.items()]
+        widths = [max(len(line[k]) for line in [heads, *lines]) for k in range(len(heads))]
+        return "\n".join("  ".join(cell.ljust(width) if k == 0 else cell.rjust(width) for k, (cell, width) in
+                                   enumerate(zip(line, widths, strict=True))).rstrip() for line in [heads, *lines])
+
+
+def _number(value: float | None, digits: int) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def evaluate(pairs: RenderedPair | str | Path | Iterable[RenderedPair | str | Path],
+             matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher], out: str | Path,
+             *presets: str | Path, jobs: int = 1, **changes: Unpack[Overrides]) -> Evaluation:
+    """Develop pairs, match them, and measure the result against the truth.
+
+    ``pairs`` are pairs, their folders, or data sets. ``matchers`` are names of ours with their options, such as
+    ``"sgbm"`` or ``"bm:window=21"``, and functions of your own, in a list, or by names of yours in a dictionary. A
+    function gets the left and the right image, uint8 (H, W), rectified, and returns disparities in px, (H, W), left
+    column minus right column, NaN where it finds none; a parameter called ``max_disparity_px`` gets the largest
+    disparity that the rig can see, ``camera`` the rig. ``presets`` and ``changes`` are of another sensor, as for
+    ``RenderedPair.develop``. What is in ``out`` already, of the same pairs, matchers and settings, is not computed
+    again; functions of your own run always. ``jobs`` is the number of processes. Raises IcyMoonError for a matcher
+    that is unknown, a function that returns something else, and where nothing can be measured.
+    """
+    from ..stereo.environment import packages
+
+    packages.require(*packages.PACKAGES)
+    from ..scratch import scratch_folder
+    from ..stereo.evaluate import evaluate as evaluate_folders
+    from ..stereo.matchers.methods import parse_methods, parse_named_methods
+
+    folders = [each.folder if isinstance(each, RenderedPair) else Path(each) for each in
+               ([pairs] if isinstance(pairs, RenderedPair | str | Path) else pairs)]
+    response = response_of(presets, changes)
+    ours, named, functions = _sort(matchers)
+    methods = parse_methods(",".join(ours)) if ours else []
+    methods += parse_named_methods([f"{name}={text}" for name, text in named.items()])
+    with scratch_folder() as scratch:
+        predictions = [f"{name}={_predict(name, function, folders, response, scratch)}"
+                       for name, function in functions.items()]
+        report = evaluate_folders(folders, methods, Path(out).absolute(), response, jobs=jobs, predictions=predictions)
+    rows = [dict(row) for row in report["rows"]]
+    if failed := [row for row in rows if row["status"] == "failed"]:
+        raise IcyMoonError(f"{len(failed)} of {len(rows)} measurements failed, the first one: {failed[0]['error']}")
+    return Evaluation(Path(out).absolute(), _means(rows), rows, list(report["notes"]))
+
+
+def _sort(matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher]
+          ) -> tuple[list[str], dict[str, str], dict[str, Matcher]]:
+    """Our matchers, those of ours that have names, and functions by their names."""
+    if isinstance(matchers, str):
+        matchers = [matchers]
+    named = matchers.items() if isinstance(matchers, Mapping) else [
+        (each if isinstance(each, str) else getattr(each, "__name__", "function"), each) for each in matchers]
+    functions = {name.replace("<lambda>", "lambda"): each for name, each in named if callable(each)}
+    texts = {name: each for name, each in named if isinstance(each, str)}
+    if isinstance(matchers, Mapping):
+        return ([text for name, text in texts.items() if name == text],
+                {name: text for name, text in texts.items() if name != text}, functions)
+    return list(texts.values()), {}, functions
+
+
+def _predict(name: str, function: Matcher, folders: Sequence[Path], response: Any, scratch: Path) -> Path:
+    """Run a function on all pairs; the folder with a disparity map for each. Raises IcyMoonError."""
+    from ..stereo.images.image_files import write_npy
+    from ..stereo.matchers.search_range import MOST_PX, rig_range
+    from ..stereo.measure.prepare import distinct_pairs, prepare
+
+    asked = [key for key in _ASKED if key in inspect.signature(function).parameters]
+    found = scratch / name
+    for folder in distinct_pairs(folders):
+        prepared = prepare(folder, response)
+        seen = rig_range(prepared.facts["settings"], not prepared.facts["rendered"].get("edited_by_hand"))
+        given = {"max_disparity_px": seen.most_px if seen else MOST_PX, "camera": prepared.pair.camera}
+        images = prepared.left.copy(), prepared.right.copy()
+        disparity = np.asarray(function(*images, **{key: given[key] for key in asked}))
+        if disparity.shape != prepared.left.shape or disparity.dtype.kind not in "fiu":
+            raise IcyMoonError(f"The matcher {name} returns {disparity.dtype} values of shape {disparity.shape}; "
+                               f"return disparities in px of shape {prepared.left.shape}, NaN where there is none.")
+        write_npy(found / f"{prepared.pair.name}.npy", disparity.astype(np.float32))
+    return found
+
+
+def _means(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float | None]]:
+    """Mean metrics by method, of pairs that passed their self-check; None where no pair has a number."""
+    from ..stereo.measure.result_row import NUMBERS
+
+    found: dict[str, dict[str, float | None]] = {}
+    for method in dict.fromkeys(row["method"] for row in rows):
+        mine = [row for row in rows if row["method"] == method and row["status"] == "ok"]
+        found[method] = {}
+        for key in NUMBERS:
+            values = [row[key] for row in mine if row.get(key) is not None]
+            found[method][key] = float(np.mean(values)) if values else None
+    return found

@@ -1,0 +1,122 @@
+"""Heights, albedos and rocks that a program gives as arrays or functions, as files that a data set keeps.
+
+A file is named after its content, so that the same array is stored once, and the id of a pair is that of its content.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import IcyMoonError
+from ..files import write_atomically
+from ..formats.tiff_write import encode_tiff
+from ..render.pairs.our_files import INPUTS
+
+#: A quantity over the patch: an array, or a function of arrays of east and north coordinates in metres.
+Field = Callable[[np.ndarray, np.ndarray], ArrayLike] | ArrayLike
+#: Most that a mean albedo may be, as ``surface.albedo``.
+_MOST_ALBEDO = 1.0
+
+
+@dataclass(frozen=True)
+class Input:
+    """The content of a file that the setting ``setting`` names, and what it is, for whoever looks at the scene."""
+
+    setting: str
+    content: bytes
+    suffix: str
+    text: str
+
+    def _fill(self, part: Path) -> None:
+        part.write_bytes(self.content)
+
+    def store(self, dataset: Path) -> Path:
+        """Write the file into a data set, unless it is there, and return its path."""
+        name = hashlib.sha256(self.content).hexdigest()[:16]
+        path = dataset / INPUTS / f"{name}{self.suffix}"
+        if not path.is_file():
+            write_atomically(path, self._fill)
+        return path
+
+
+def sample_field(field: Field, x_m: np.ndarray, y_m: np.ndarray, what: str) -> np.ndarray:
+    """The values (rows, columns) or (rows, columns, 3), float64, of an array, or of a function at ``x_m``, ``y_m``.
+
+    Raises IcyMoonError if a function fails on arrays or gives another shape, and for values that are not finite.
+    """
+    if callable(field):
+        try:
+            found = np.asarray(field(x_m, y_m), np.float64)
+        except (TypeError, ValueError) as error:
+            raise IcyMoonError(f"The function of {what} does not take arrays of coordinates ({error}); compute with "
+                               "numpy, or wrap it in numpy.vectorize.") from error
+        values = np.broadcast_to(found, x_m.shape) if found.ndim <= 2 and found.size == 1 else found
+        if values.shape[:2] != x_m.shape:
+            raise IcyMoonError(f"The function of {what} gives an array of shape {found.shape} for coordinates of shape "
+                               f"{x_m.shape}; give one value for each place.")
+    else:
+        try:
+            values = np.asarray(field, np.float64)
+        except (TypeError, ValueError):
+            raise IcyMoonError(f"What is given as {what} is no array of numbers; give one, or a function "
+                               "f(x_m, y_m).") from None
+    if values.ndim < 2 or min(values.shape[:2]) < 2:
+        raise IcyMoonError(f"The array of {what} has the shape {values.shape}; give at least 2 x 2 values, north "
+                           "first.")
+    if not np.isfinite(values).all():
+        raise IcyMoonError(f"{np.count_nonzero(~np.isfinite(values))} values of {what} are not finite; fill them.")
+    return values
+
+
+def heights_input(field: Field, size_m: float, resolution: int, pixel_m: float | None
+                  ) -> tuple[Input, dict[str, dict[str, Any]]]:
+    """Heights in metres as a file, and the settings that go with it.
+
+    A function is sampled at the vertices of the ground: ``resolution`` along each side of the patch of ``size_m``. The
+    outermost values of an array are on the edges of the patch; with ``pixel_m`` between neighbours, the patch is as
+    large as the array. Raises IcyMoonError as ``sample_field`` does.
+    """
+    at = np.linspace(-size_m / 2, size_m / 2, resolution)
+    x_m, y_m = np.meshgrid(at, at[::-1])
+    values = sample_field(field, x_m, y_m, "heights")
+    if values.ndim != 2:
+        raise IcyMoonError(f"The heights have the shape {values.shape}; give one height for each place.")
+    rows, columns = values.shape
+    pixel_m = float(pixel_m) if pixel_m else size_m / (max(rows, columns) - 1)
+    stream = io.BytesIO()
+    np.save(stream, values, allow_pickle=False)
+    given = Input("source.file", stream.getvalue(), ".npy", f"own heights {rows} x {columns}")
+    return given, {
+        "source": {"kind": "HEIGHT_MAP", "metres_per_pixel": pixel_m, "height_scale_m": 1.0, "centre": False,
+                   "origin_x_m": (columns - 1) * pixel_m / 2, "origin_y_m": (rows - 1) * pixel_m / 2},
+        "terrain": {"size_m": (max(rows, columns) - 1) * pixel_m, "resolution": max(rows, columns)}}
+
+
+def albedo_input(field: Field, size_m: float, resolution: int) -> tuple[Input, dict[str, dict[str, Any]]]:
+    """Albedos over the patch as an image, and the settings that go with it.
+
+    A function is sampled at the centres of ``resolution`` x ``resolution`` pixels that fill the patch; an array fills
+    it. Raises IcyMoonError as ``sample_field`` does, and for albedos outside 0 to 1.
+    """
+    at = (np.arange(resolution) + 0.5) / resolution * size_m - size_m / 2
+    x_m, y_m = np.meshgrid(at, at[::-1])
+    values = sample_field(field, x_m, y_m, "albedos")
+    if values.ndim > 3 or (values.ndim == 3 and values.shape[2] != 3):
+        raise IcyMoonError(f"The albedos have the shape {values.shape}; give one for each place, or one for each band.")
+    if values.min() < 0 or values.max() > _MOST_ALBEDO:
+        raise IcyMoonError(f"The albedos are {values.min():.3g} to {values.max():.3g}; give 0 to 1.")
+    image = encode_tiff(np.ascontiguousarray(values, np.float32), description="albedo")
+    shape = " x ".join(map(str, values.shape[:2]))
+    return Input("textures.albedo_file", image, ".tif", f"own albedo {shape}"), {
+        "surface": {"albedo": float(values.mean()), "albedo_variation": 0.0, "trough_dirt": 0.0, "slope_dirt": 0.0,
+                    "salt_share": 0.0},
+        "textures": {"set": "OWN", "mapping": "PATCH", "roughness_file": "", "normal_file": "",
+                     "transmission_file": "", "height_file": ""}}

@@ -1,0 +1,221 @@
+"""A rendered pair as arrays: light, truth, images of any sensor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Unpack
+
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..render.pairs.pair_folder import Pair, StereoCamera, find_pair_folders, read_unchanged_pair
+from ..settings import description, preset_files
+from ..settings.overrides import Overrides
+from ..settings.table import TOPICS
+from ..stereo.images.develop import Images, develop
+from ..stereo.images.disparity_and_occlusion import scene_depth, visible_in_right
+from ..stereo.images.exr import Light, View
+from ..stereo.images.lens import lens_of
+from ..stereo.images.views import read_eye
+from ..typed_settings import Settings
+
+
+class RenderedEye:
+    """What one camera of a pair sees, on the pixels of the parallel rig: ``H`` rows from the top, ``W`` columns.
+
+    Everything is read from the disk when it is first asked for, and kept.
+    """
+
+    def __init__(self, pair: Pair, name: str) -> None:
+        self._pair = pair
+        #: 'left' or 'right'.
+        self.name = name
+
+    def __repr__(self) -> str:
+        rows, columns = self._pair.camera.height_px, self._pair.camera.width_px
+        return f"<{self.name} eye of pair {self._pair.id}: {columns} x {rows} px>"
+
+    @cached_property
+    def _read(self) -> tuple[Light, View]:
+        return read_eye(self._pair, self.name)
+
+    @property
+    def radiance(self) -> np.ndarray:
+        """Linear radiance in W/(m² sr), float32 (H, W, 3), in the bands that the file states."""
+        return self._read[1].radiance
+
+    @cached_property
+    def depth_m(self) -> np.ndarray:
+        """Planar depth in metres at pixel centres, float64 (H, W); NaN for sky and what the sensor does not see."""
+        depth, seen = scene_depth(self._read[1]), self.seen
+        return depth if seen.all() else np.where(seen, depth, np.nan)
+
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """Whether the sensor sees the pixel, bool (H, W); not all of them if the eyes are toed in."""
+        camera = self._pair.camera
+        lens = lens_of(camera, self._pair.settings.rig, self.name) if camera.toe_in_deg else None
+        return np.ones((camera.height_px, camera.width_px), bool) if lens is None else lens.sees
+
+    @property
+    def normal(self) -> np.ndarray | None:
+        """Unit normals in world axes (east, north, up), float32 (H, W, 3); None without full truth."""
+        return self._read[1].normal
+
+    @property
+    def semantic(self) -> np.ndarray | None:
+        """Labels, int32 (H, W): 0 sky, others as ``pair.labels`` names them; None without full truth."""
+        return self._read[1].semantic
+
+    @property
+    def instance(self) -> np.ndarray | None:
+        """Numbers of objects and rocks, int32 (H, W), see the manual's page on the pair folder; None without full
+        truth."""
+        return self._read[1].instance
+
+    @property
+    def pose_to_world(self) -> np.ndarray:
+        """The matrix (4, 4) from this camera's axes (x right, y down, z forward) to the world's (east, north, up), in
+        metres. Raises IcyMoonError if the pair does not contain it."""
+        pose = self._pair.rectified_pose(self.name)
+        if pose is None:
+            raise IcyMoonError(f"{self._pair.folder / 'pair.json'} does not contain the pose of the camera; render the "
+                               "pair again.")
+        return pose
+
+
+class RenderedPair:
+    """A complete pair on the disk. Arrays are read when they are first asked for."""
+
+    def __init__(self, pair: Pair) -> None:
+        self._pair = pair
+        #: The left camera, whose pixels truth and disparity are of.
+        self.left = RenderedEye(pair, "left")
+        #: The right camera.
+        self.right = RenderedEye(pair, "right")
+
+    def __repr__(self) -> str:
+        camera = self.camera
+        return (f"<RenderedPair {self.id}: {camera.width_px} x {camera.height_px} px, f {camera.focal_px:.6g} px, "
+                f"baseline {camera.baseline_m:.6g} m, in {self.folder}>")
+
+    @property
+    def id(self) -> str:
+        """Its id: twelve hexadecimal digits, a hash of all that its pixels depend on."""
+        return self._pair.id
+
+    @property
+    def folder(self) -> Path:
+        """Its folder."""
+        return self._pair.folder
+
+    @property
+    def settings(self) -> Settings:
+        """The complete settings that it was rendered with, a copy."""
+        return description.merged(self._pair.settings)
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """The whole of ``pair.json``: versions, seeds, light, times, checksums."""
+        return self._pair.data
+
+    @property
+    def camera(self) -> StereoCamera:
+        """The parallel rig: ``focal_px``, ``cx_px``, ``cy_px``, ``baseline_m``, ``matrix``, ``disparity()``, …"""
+        return self._pair.camera.rectified
+
+    @property
+    def labels(self) -> dict[int, str]:
+        """The names of the numbers in ``semantic``; empty if only depth was rendered."""
+        stated = self._pair.data.get("channels", {}).get("semantic", {})
+        return {int(number): str(name) for number, name in stated.items()}
+
+    @property
+    def depth_m(self) -> np.ndarray:
+        """True planar depth of the left camera in metres, float64 (H, W); NaN for sky."""
+        return self.left.depth_m
+
+    @cached_property
+    def disparity_px(self) -> np.ndarray:
+        """True disparity of the left image, left column minus right column, in px, float64 (H, W); NaN for sky."""
+        return self.camera.disparity(self.left.depth_m)
+
+    @cached_property
+    def visible(self) -> np.ndarray:
+        """Whether the right camera sees the point of a left pixel too, bool (H, W)."""
+        if self._pair.camera.toe_in_deg:
+            from ..stereo.measure.prepare import eyes_of
+            from ..stereo.measure.self_check import visibility
+
+            views = {eye.name: eye._read[1] for eye in (self.left, self.right)}
+            return visibility(*eyes_of(self._pair, self._pair.settings, views), self._pair.camera)["left"]
+        # The right depth is needed only where no rays have found what is hidden.
+        hidden = self.left._read[1].hidden
+        right = self.left.depth_m if hidden is not None else self.right.depth_m
+        return visible_in_right(self.left.depth_m, right, self.camera, hidden)
+
+    @cached_property
+    def occluded(self) -> np.ndarray:
+        """Whether a left pixel has a depth, but the right camera does not see its point, bool (H, W)."""
+        return np.isfinite(self.left.depth_m) & ~self.visible
+
+    def develop(self, *presets: str | Path, **changes: Unpack[Overrides]) -> Images:
+        """The images that a camera takes of this pair: ``left`` and ``right``, uint16 (H, W) digital numbers.
+
+        ``presets`` and ``changes`` are of sensors and other settings that need no new render, such as
+        ``develop("sensors/mer_ccd", sensor={"gain": 2.0})``; others keep the values of the pair. The same pair and
+        settings always give the same noise. Raises IcyMoonError for a setting that needs a new render.
+        """
+        settings = description.merged(self._pair.settings, response_of(presets, changes))
+        left, right = (eye._read[0] for eye in (self.left, self.right))
+        return develop(self._pair, left, right, settings)
+
+
+def response_of(presets: tuple[str | Path, ...], changes: Overrides) -> Settings:
+    """The settings of presets and changes, all of which need no new render. Raises IcyMoonError for others."""
+    found = read_settings(presets, changes)
+    for topic, values in found.items():
+        for key in values:
+            if TOPICS[topic][key].effect not in ("response", "run"):
+                raise IcyMoonError(f"{topic}.{key} needs a new render; render the scene with it, or leave it out here.")
+    return found
+
+
+def read_settings(presets: tuple[str | Path, ...], changes: Overrides) -> Settings:
+    """The partial settings of presets (names, or paths of TOML files) and then of changes.
+
+    Raises IcyMoonError for what is unknown, with the nearest name, and for values of a wrong type or out of range.
+    """
+    parts = [preset_files.load(Path(preset)) if isinstance(preset, Path) or str(preset).endswith(".toml")
+             else preset_files.load_preset(str(preset)) for preset in presets]
+    return description.merged(*parts, description.check(_plain(changes), "settings"))
+
+
+def _plain(value: Any) -> Any:
+    """Numbers of numpy as Python's, within tables and lists."""
+    if isinstance(value, dict):
+        return {key: _plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(each) for each in value]
+    if isinstance(value, Path):
+        return str(value)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def open_pair(folder: str | Path) -> RenderedPair:
+    """The pair in a folder, or the only one of a data set. Its files are checked against their checksums.
+
+    Raises IcyMoonError if there is none, several, or a file has changed since it was rendered.
+    """
+    folders = find_pair_folders(Path(folder))
+    if len(folders) > 1:
+        raise IcyMoonError(f"{folder} contains {len(folders)} pairs; open them with icymoon.open_pairs.")
+    return RenderedPair(read_unchanged_pair(folders[0]))
+
+
+def open_pairs(folder: str | Path) -> Iterator[RenderedPair]:
+    """The pairs of a data set, in the order of their ids, each checked when its turn comes; see ``open_pair``."""
+    return (RenderedPair(read_unchanged_pair(each)) for each in find_pair_folders(Path(folder)))
+

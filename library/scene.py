@@ -1,0 +1,128 @@
+"""A scene as settings, with what a program gives as arrays; and its pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Unpack
+
+from ..errors import IcyMoonError
+from ..render.pairs.pair_folder import is_complete, read_unchanged_pair
+from ..render.plans.planned_pair import expand_headings
+from ..render.workers.job import absolute_folder
+from ..settings import description, user_files
+from ..settings.overrides import Overrides
+from ..settings.toml_text import to_toml
+from ..typed_settings import Settings
+from .inputs import Field, Input, albedo_input, heights_input
+from .rendered_pair import RenderedPair, read_settings
+from .renderers import Hear, Renderer, as_warnings, default_renderer, ignore
+
+#: Most settings that a scene shows of itself.
+_MOST_SHOWN = 8
+
+
+class Scene:
+    """What is rendered: complete settings, made from presets and changes. A scene itself never changes.
+
+    ``Scene("europa_rough_ice", "qualities/draft", rig={"width_px": 640})`` takes the presets (names, or paths of TOML
+    files), the later over the earlier, then the changes by topic. What no preset states has its default. Raises
+    IcyMoonError for what is unknown, with the nearest name, and for values of a wrong type or out of range.
+    """
+
+    def __init__(self, *presets: str | Path, **changes: Unpack[Overrides]) -> None:
+        self._settings = description.merged(description.defaults(), read_settings(presets, changes))
+        self._inputs: dict[str, Input] = {}
+        self._title = " + ".join(str(preset) for preset in presets) or "defaults"
+
+    def _changed(self, changes: Settings, inputs: Mapping[str, Input], title: str = "") -> Scene:
+        made = object.__new__(Scene)
+        made._settings = description.merged(self._settings, changes)
+        made._inputs = {**self._inputs, **inputs}
+        made._title = " + ".join(filter(None, (self._title, title)))
+        return made
+
+    @property
+    def settings(self) -> Settings:
+        """Its complete settings, a copy: ``scene.settings.rig.width_px``."""
+        return description.merged(self._settings)
+
+    @property
+    def changes(self) -> dict[str, Any]:
+        """The settings that differ from their defaults, by name (``topic.key``)."""
+        changed = description.changed(self._settings, description.defaults())
+        return {f"{topic}.{key}": value for topic, values in changed.items() for key, value in values.items()}
+
+    def __repr__(self) -> str:
+        rig = self._settings.rig
+        own = "".join(f", {each.text}" for each in self._inputs.values())
+        return f"<Scene {self._title}: {rig.width_px} x {rig.height_px} px, baseline {rig.baseline_m:g} m{own}>"
+
+    def to_toml(self) -> str:
+        """Its settings as a TOML file, which ``icymoon render --settings`` reads; without arrays that were given."""
+        return to_toml(self._settings)
+
+    def change(self, *presets: str | Path, **changes: Unpack[Overrides]) -> Scene:
+        """This scene with presets and changes over it. Raises IcyMoonError as ``Scene`` does."""
+        stated = read_settings(presets, changes)
+        names = [*map(str, presets), *(f"{topic}.{key}={value}" for topic, values in changes.items()
+                                       if isinstance(values, Mapping) for key, value in values.items())]
+        shown = names if len(names) <= _MOST_SHOWN else [*names[:_MOST_SHOWN], "…"]
+        return self._changed(stated, {}, ", ".join(shown))
+
+    def with_heights(self, heights: Field, *, metres_per_pixel: float | None = None, detail: bool = False) -> Scene:
+        """This scene on ground of your own.
+
+        ``heights`` is a function f(x_m, y_m) -> z_m of arrays of east and north coordinates, sampled at the
+        ``terrain.resolution`` x ``terrain.resolution`` vertices of the patch of ``terrain.size_m``, or an array (rows,
+        columns) of metres, north first, whose outermost values are on the edges of the patch. With
+        ``metres_per_pixel`` the patch is as large as the array. Between the values, the ground is bilinear. With
+        ``detail``, the roughness of the ``terrain`` settings is added below the spacing. Raises IcyMoonError for an
+        array of another shape and for heights that are not finite.
+        """
+        terrain = self._settings.terrain
+        given, stated = heights_input(heights, terrain.size_m, int(terrain.resolution), metres_per_pixel)
+        stated["source"]["detail"] = detail
+        return self._changed(description.check(stated, "heights"), {given.setting: given})
+
+    def with_albedo(self, albedo: Field, *, resolution: int = 512) -> Scene:
+        """This scene with the albedo of the ground of your own, over the whole patch.
+
+        ``albedo`` is a function f(x_m, y_m) of arrays, sampled at ``resolution`` x ``resolution`` places, or an array
+        (rows, columns) or (rows, columns, 3) of numbers from 0 to 1, north first. Other variations of the albedo are
+        turned off. Beyond the patch the outermost values go on. Raises IcyMoonError for values outside 0 to 1.
+        """
+        given, stated = albedo_input(albedo, self._settings.terrain.size_m, resolution)
+        return self._changed(description.check(stated, "albedo"), {given.setting: given})
+
+    def stored(self, dataset: str | Path) -> Settings:
+        """The complete settings, with arrays that were given stored as files in a data set (its folder ``inputs``)."""
+        folder = Path(dataset).absolute()
+        paths: dict[str, dict[str, str]] = {}
+        for name, given in self._inputs.items():
+            topic, _, key = name.partition(".")
+            paths.setdefault(topic, {})[key] = str(given.store(folder))
+        return description.merged(self._settings, paths)
+
+    def render(self, dataset: str | Path | None = None, *, renderer: Renderer | None = None, again: bool = False,
+               on_event: Hear = ignore) -> RenderedPair:
+        """The pair of this scene, in the folder of a data set: rendered, or read if it is there already.
+
+        ``dataset`` is by default the folder that ``dataset.folder`` states. ``renderer`` is by default a ``Worker``
+        that all scenes share; warnings are issued as Python's. ``on_event`` receives the messages of the render, as
+        dictionaries: ``progress`` with ``fraction``, ``warning`` with ``message``. Raises IcyMoonError if the scene
+        cannot be built or rendered, and if ``dataset.headings`` asks for several pairs.
+        """
+        if (count := self._settings.dataset.headings) != 1:
+            raise IcyMoonError(f"dataset.headings is {count}, so this scene has {count} pairs; use render_all.")
+        return self.render_all(dataset, renderer=renderer, again=again, on_event=on_event)[0]
+
+    def render_all(self, dataset: str | Path | None = None, *, renderer: Renderer | None = None, again: bool = False,
+                   on_event: Hear = ignore) -> list[RenderedPair]:
+        """The pairs of this scene, one for each of ``dataset.headings``; see ``render``."""
+        folder = Path(dataset).absolute() if dataset is not None else absolute_folder(self._settings.dataset.folder)
+        settings = self.stored(folder)
+        folders = [pair.folder(folder) for pair in expand_headings(settings, user_files.content(settings))]
+        if again or not all(map(is_complete, folders)):
+            folders = (renderer or default_renderer()).render(settings, folder, again, as_warnings(on_event))
+        return [RenderedPair(read_unchanged_pair(each)) for each in folders]

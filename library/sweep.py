@@ -1,0 +1,91 @@
+"""Many scenes that differ in a few things, rendered one after the other; a restart goes on where it stopped."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..errors import IcyMoonError
+from .rendered_pair import RenderedPair
+from .renderers import Hear, Renderer, ignore
+from .scene import Scene
+
+#: What varies beside settings, and the scene's method that takes it.
+_ARRAYS: dict[str, Callable[[Scene, Any], Scene]] = {"heights": Scene.with_heights, "albedo": Scene.with_albedo}
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """One combination: its ``values`` by what varies, its ``scene`` and its ``pair``."""
+
+    values: dict[str, Any]
+    scene: Scene
+    pair: RenderedPair
+
+    def __repr__(self) -> str:
+        return f"<SweepPoint {_describe(self.values)}: {self.pair.id}>"
+
+
+class Sweep:
+    """All combinations of what varies. Iterating renders the pairs that are not there yet and gives each in its turn.
+
+    ``vary`` has a sequence of values for each setting that varies, by its name, such as
+    ``{"light.sun_elevation_deg": [5, 20]}``. ``"heights"`` and ``"albedo"`` have functions or arrays by names of
+    yours, such as ``{"heights": {"flat": f, "rough": g}}``, see ``Scene``. The first one varies slowest; put there what
+    takes longest to change, such as heights. Finished pairs are never rendered again: a second run of the same program
+    gives them at once and goes on where the first one was stopped. Raises IcyMoonError for settings that are unknown,
+    and for values that cannot be.
+    """
+
+    def __init__(self, scene: Scene, dataset: str | Path, vary: Mapping[str, Sequence[Any] | Mapping[str, Any]], *,
+                 renderer: Renderer | None = None, on_event: Hear = ignore) -> None:
+        self.scene, self.dataset = scene, Path(dataset).absolute()
+        self._renderer, self._hear = renderer, on_event
+        self._axes = {name: _choices(name, values) for name, values in vary.items()}
+        self._scenes = [self._make(chosen) for chosen in itertools.product(*self._axes.values())]
+
+    def _make(self, chosen: tuple[tuple[Any, Any], ...]) -> tuple[dict[str, Any], Scene]:
+        values = {name: label for name, (label, _) in zip(self._axes, chosen, strict=True)}
+        scene = self.scene
+        for name, (_, value) in zip(self._axes, chosen, strict=True):
+            if name in _ARRAYS:
+                scene = _ARRAYS[name](scene, value)
+            else:
+                topic, _, key = name.partition(".")
+                changes: Any = {topic: {key: value}}  # whose names are known only when the program runs
+                scene = scene.change(**changes)
+        return values, scene
+
+    def __len__(self) -> int:
+        return len(self._scenes)
+
+    def __repr__(self) -> str:
+        axes = " x ".join(f"{len(values)} {name}" for name, values in self._axes.items())
+        return f"<Sweep of {len(self)} pairs: {axes}, in {self.dataset}>"
+
+    def __iter__(self) -> Iterator[SweepPoint]:
+        """The points in order, each rendered when its turn comes. Raises IcyMoonError that names the point."""
+        for values, scene in self._scenes:
+            try:
+                pair = scene.render(self.dataset, renderer=self._renderer, on_event=self._hear)
+            except IcyMoonError as error:
+                raise IcyMoonError(f"Sweep at {_describe(values)}: {error}") from error
+            yield SweepPoint(values, scene, pair)
+
+
+def _choices(name: str, values: Sequence[Any] | Mapping[str, Any]) -> list[tuple[Any, Any]]:
+    """(label, value) of each value of what varies."""
+    if name in _ARRAYS:
+        if not isinstance(values, Mapping):
+            raise IcyMoonError(f"The {name} of a sweep need names, such as {{{name!r}: {{'mine': f}}}}.")
+        return list(values.items())
+    if isinstance(values, Mapping | str) or not len(values):
+        raise IcyMoonError(f"{name} varies over {values!r}; give a list of values.")
+    return [(value, value) for value in values]
+
+
+def _describe(values: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name}={value}" for name, value in values.items())

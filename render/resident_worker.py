@@ -1,0 +1,51 @@
+"""The worker that stays: it renders job after job, and each scene reuses what it can of the one before.
+
+Whoever started it puts a file into its inbox for each job, named by the number of the job and containing the path of
+the job's file. Its standard input, into which nothing is written, is only what tells it that its starter has ended.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from functools import partial
+from pathlib import Path
+from typing import NoReturn
+
+from ..errors import IcyMoonError
+from ..files import read_text
+from ..typed_settings import typed
+from .resident_scenes import ResidentScenes
+from .worker import run_to_exit
+from .workers.job import read_job
+from .workers.memory import describe_shortage
+from .workers.process import emit
+
+_LOOK_S = 0.02
+
+
+def main(arguments: list[str]) -> NoReturn:
+    """Render the jobs that appear in the folder that is the one argument, until this process is ended."""
+    run_to_exit(partial(_serve, Path(arguments[0])), lambda: "There is not enough memory to start Blender.")
+
+
+def _serve(inbox: Path) -> None:
+    """Each job ends with a message ``done``, with its ``folders``, or ``error``."""
+    scenes = ResidentScenes()
+    emit("ready")
+    for number in itertools.count(1):
+        file = inbox / str(number)
+        while not file.is_file():
+            time.sleep(_LOOK_S)
+        job = read_job(Path(read_text(file)))
+        settings = typed(job["settings"])
+        try:
+            folders = scenes.render(settings, Path(job["dataset"]), bool(job.get("again")), emit)
+        except IcyMoonError as error:
+            emit("error", message=str(error))
+        except MemoryError:
+            emit("error", message=describe_shortage(settings))
+            scenes.close()
+            scenes = ResidentScenes()
+        else:
+            emit("done", folders=[str(folder) for folder in folders])

@@ -1,0 +1,425 @@
+"""Changes of some settings as types: ``{"rig": {"width_px": 640}}`` with keys and values that the type checker knows.
+
+What follows ``MADE FROM HERE ON`` is written by ``python -m icymoon.settings.make_types``; a test compares.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, TypedDict
+
+# MADE FROM HERE ON
+
+
+class SourceOverrides(TypedDict, total=False):
+    """Changes of ``source``."""
+
+    kind: Literal["PROCEDURAL", "MESH", "HEIGHT_MAP"]
+    file: str
+    scale: float  # m/unit
+    up_axis: Literal["AUTO", "X", "Y", "Z", "-X", "-Y", "-Z"]
+    centre: bool
+    origin_x_m: float  # m
+    origin_y_m: float  # m
+    metres_per_pixel: float  # m
+    height_scale_m: float  # m
+    detail: bool
+    repair: bool
+
+
+class TerrainLayerOverrides(TypedDict, total=False):
+    """Changes of ``terrain``."""
+
+    basis: Literal["GRADIENT", "MIDPOINT", "CELLS", "VORONOI_F1", "VORONOI_F2", "VORONOI_F2_F1", "CRACKLE"]
+    fractal: Literal["FBM", "MULTIFRACTAL", "HYBRID", "RIDGED", "HETERO", "TURBULENCE", "CRESTS"]
+    amplitude_m: float  # m
+    scale_m: float  # m
+    octaves: int  # octaves
+    lacunarity: float
+    roughness: float
+    warp_m: float  # m
+
+
+class TerrainOverrides(TypedDict, total=False):
+    """Changes of ``terrain``."""
+
+    size_m: float  # m
+    resolution: int  # vertices
+    rms_slope_deg: float  # deg
+    slope_baseline_m: float  # m
+    hurst: float
+    multifractality: float
+    outer_scale_m: float  # m
+    inner_scale_m: float  # m
+    lacunarity: float
+    regional_slope_deg: float  # deg
+    regional_slope_azimuth_deg: float  # deg
+    body_radius_m: float  # m
+    variant: int
+    layers: list[TerrainLayerOverrides]
+
+
+class MeshOverrides(TypedDict, total=False):
+    """Changes of ``mesh``."""
+
+    kind: Literal["GRADED", "GRID"]
+    error_px: float  # px
+    edge_px: float  # px
+    farthest_m: float  # m
+    most: int  # vertices
+    crests: Literal["ROUNDED", "CUT"]
+
+
+class RidgesOverrides(TypedDict, total=False):
+    """Changes of ``ridges``."""
+
+    height_m: float  # m
+    width_m: float  # m
+    spacing_m: float  # m
+    trough: float
+    sets: int  # sets
+    azimuth_deg: float  # deg
+    spread_deg: float  # deg
+
+
+class CracksOverrides(TypedDict, total=False):
+    """Changes of ``cracks``."""
+
+    depth_m: float  # m
+    width_m: float  # m
+    rim_m: float  # m
+    plate_m: float  # m
+    elongation: float
+    azimuth_deg: float  # deg
+    edges: Literal["ROUNDED", "BROKEN"]
+
+
+class ChaosOverrides(TypedDict, total=False):
+    """Changes of ``chaos``."""
+
+    relief_m: float  # m
+    plate_m: float  # m
+    plate_share: float
+    gap_m: float  # m
+    tilt_deg: float  # deg
+    matrix_m: float  # m
+    edges: Literal["ROUNDED", "BROKEN"]
+
+
+class CratersOverrides(TypedDict, total=False):
+    """Changes of ``craters``."""
+
+    coverage: float
+    smallest_m: float  # m
+    largest_m: float  # m
+    power_index: float
+    depth_ratio: float
+    rim_ratio: float
+    freshness: float
+    most: int  # craters
+
+
+class HollowsOverrides(TypedDict, total=False):
+    """Changes of ``hollows``."""
+
+    depth_m: float  # m
+    diameter_m: float  # m
+    elongation: float
+    azimuth_deg: float  # deg
+    crest_m: float  # m
+
+
+class PenitentesOverrides(TypedDict, total=False):
+    """Changes of ``penitentes``."""
+
+    height_m: float  # m
+    spacing_m: float  # m
+    sharpness: float
+    elongation: float
+    variation: float
+    noon_azimuth_deg: float  # deg
+    lean_deg: float  # deg
+
+
+class HillsOverrides(TypedDict, total=False):
+    """Changes of ``hills``."""
+
+    rms_slope_deg: float  # deg
+    slope_baseline_m: float  # m
+    hurst: float
+    largest_m: float  # m
+    smallest_m: float  # m
+    fractal: Literal["FBM", "CRESTS", "HETERO"]
+
+
+class MantleOverrides(TypedDict, total=False):
+    """Changes of ``mantle``."""
+
+    thickness_m: float  # m
+    length_m: float  # m
+
+
+class SurfaceOverrides(TypedDict, total=False):
+    """Changes of ``surface``."""
+
+    model: Literal["PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE"]
+    albedo: float
+    lommel_seeliger_share: float
+    albedo_variation: float
+    albedo_patch_m: float  # m
+    trough_dirt: float
+    slope_dirt: float
+    salt_share: float
+    salt_patch_m: float  # m
+    salt_red: float
+    salt_green: float
+    salt_blue: float
+    subsurface_weight: float
+    subsurface_radius_m: float  # m
+    transmission: float
+    roughness: float
+    specular: float
+    refractive_index: float
+    glint_share: float
+    glint_size_m: float  # m
+    grain_size_m: float  # m
+    grain_amplitude_m: float  # m
+    relief: Literal["BUMP", "DISPLACEMENT"]
+
+
+class HapkeOverrides(TypedDict, total=False):
+    """Changes of ``hapke``."""
+
+    w: float
+    b: float
+    c: float
+    b_s0: float
+    h_s: float
+    b_c0: float
+    h_c: float
+    theta_bar_deg: float  # deg
+    theta_bar_range_deg: float  # deg
+    filling_factor: float
+    h_function: Literal["1981", "1993", "2002"]
+    accuracy: Literal["FAST", "ACCURATE", "REFERENCE"]
+    backend: Literal["AUTO", "OSL", "NODES"]
+
+
+class TexturesOverrides(TypedDict, total=False):
+    """Changes of ``textures``."""
+
+    set: Literal["NONE", "FROST", "GRAINS", "CRACKS", "OWN", "MESH"]
+    mapping: Literal["OBJECT", "UV", "PATCH"]
+    width_m: float  # m
+    repeat: Literal["TURNED", "SHIFTED", "PLAIN"]
+    height_m: float  # m
+    albedo_file: str
+    roughness_file: str
+    normal_file: str
+    transmission_file: str
+    height_file: str
+
+
+class RocksOverrides(TypedDict, total=False):
+    """Changes of ``rocks``."""
+
+    law: Literal["POWER", "GOLOMBEK"]
+    coverage: float
+    smallest_m: float  # m
+    largest_m: float  # m
+    power_index: float
+    family: Literal["MIXED", "FRAGMENTS", "BOULDERS", "SLABS", "BROKEN_ICE"]
+    angularity: float
+    elongation: float
+    height_ratio: float
+    tilt_deg: float  # deg
+    burial: float
+    clustering: float
+    cluster_blocks: float  # rocks
+    cluster_radius_m: float  # m
+    clear_radius_m: float  # m
+    most: int  # rocks
+    beyond_px: float  # px
+    own_surface: bool
+
+
+class RockSurfaceOverrides(TypedDict, total=False):
+    """Changes of ``rock_surface``."""
+
+    model: Literal["PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE"]
+    albedo: float
+    lommel_seeliger_share: float
+    albedo_variation: float
+    albedo_patch_m: float  # m
+    trough_dirt: float
+    slope_dirt: float
+    salt_share: float
+    salt_patch_m: float  # m
+    salt_red: float
+    salt_green: float
+    salt_blue: float
+    subsurface_weight: float
+    subsurface_radius_m: float  # m
+    transmission: float
+    roughness: float
+    specular: float
+    refractive_index: float
+    glint_share: float
+    glint_size_m: float  # m
+    grain_size_m: float  # m
+    grain_amplitude_m: float  # m
+    relief: Literal["BUMP", "DISPLACEMENT"]
+
+
+class LightOverrides(TypedDict, total=False):
+    """Changes of ``light``."""
+
+    directions_from: Literal["ANGLES", "DATE", "KERNELS"]
+    body: str
+    parent: str
+    date_utc: str
+    latitude_deg: float  # deg
+    longitude_deg: float  # deg
+    kernels: str
+    sun_irradiance_wm2: float  # W/m²
+    sun_angular_diameter_deg: float  # deg
+    irradiance_band: Literal["BOLOMETRIC", "CAMERA"]
+    sun_scale: float
+    planet_scale: float
+    sun_temperature_k: float  # K
+    sun_elevation_deg: float  # deg
+    sun_azimuth_deg: float  # deg
+    planet: bool
+    planet_elevation_deg: float  # deg
+    planet_azimuth_deg: float  # deg
+    planet_angular_diameter_deg: float  # deg
+    planet_flattening: float
+    planet_albedo: float
+    planet_phase_law: Literal["LAMBERT", "SATURN", "JUPITER"]
+    planet_least: float
+    planet_rings: bool
+    planet_face: Literal["PLAIN", "SATURN", "JUPITER"]
+    planet_spot_longitude_deg: float  # deg
+    stars: bool
+    stars_faintest_mag: float  # mag
+
+
+class RigOverrides(TypedDict, total=False):
+    """Changes of ``rig``."""
+
+    baseline_m: float  # m
+    focal_length_mm: float  # mm
+    sensor_width_mm: float  # mm
+    width_px: int  # px
+    height_px: int  # px
+    height_m: float  # m
+    pitch_deg: float  # deg
+    heading_deg: float  # deg
+    principal_x_px: float  # px
+    principal_y_px: float  # px
+    distortion_k1: float
+    distortion_k2: float
+    distortion_p1: float
+    distortion_p2: float
+    distortion_k3: float
+    overscan: float
+    toe_in_deg: float  # deg
+    focus_distance_m: float  # m
+    speed_right_m_s: float  # m/s
+    speed_down_m_s: float  # m/s
+    speed_forward_m_s: float  # m/s
+    turn_right_deg_s: float  # deg/s
+    turn_down_deg_s: float  # deg/s
+    roll_deg_s: float  # deg/s
+    motion_exposure_s: float  # s
+    x_m: float  # m
+    y_m: float  # m
+
+
+class SensorOverrides(TypedDict, total=False):
+    """Changes of ``sensor``."""
+
+    auto_exposure: bool
+    auto_percentile: float
+    auto_target: float
+    exposure_s: float  # s
+    brackets: int  # exposures
+    bracket_stops: float  # stops
+    encoding: Literal["LINEAR", "SQUARE_ROOT"]
+    f_number: float
+    pixel_pitch_um: float  # µm
+    transmission: float
+    band_centre_nm: float  # nm
+    band_width_nm: float  # nm
+    quantum_efficiency: float
+    full_well_e: float  # e-
+    gain: float
+    read_noise_e: float  # e-
+    shot_noise: bool
+    dark_current_e_s: float  # e-/s
+    temperature_k: float  # K
+    dark_reference_k: float  # K
+    dark_doubling_k: float  # K
+    prnu: float
+    dsnu_e: float  # e-
+    blooming: float
+    black_level: float
+    bits: int  # bits
+    psf_sigma_px: float  # px
+    veiling_glare: float
+    radiation_flux_cm2_s: float  # 1/(cm² s)
+    radiation_depth_um: float  # µm
+    radiation_e_per_um: float  # e-/µm
+    noise_seed: int
+
+
+class QualityOverrides(TypedDict, total=False):
+    """Changes of ``quality``."""
+
+    samples: int  # samples
+    denoiser: Literal["NONE", "OIDN", "OIDN_COLOUR"]
+    noise_threshold: float
+    diffuse_bounces: int  # bounces
+    walk_px: float  # px
+    fine_relief: Literal["ALL", "CAMERA"]
+    truth: Literal["FULL", "DEPTH"]
+    device: Literal["CPU", "GPU"]
+    threads: int  # threads
+
+
+class DatasetOverrides(TypedDict, total=False):
+    """Changes of ``dataset``."""
+
+    folder: str
+    seed: int
+    headings: int  # pairs
+    plan: str
+    workers: int  # processes
+    evaluate: bool
+    leave_running: bool
+    methods: str
+
+
+class Overrides(TypedDict, total=False):
+    """Changes of some settings of a scene, by topic."""
+
+    source: SourceOverrides
+    terrain: TerrainOverrides
+    mesh: MeshOverrides
+    ridges: RidgesOverrides
+    cracks: CracksOverrides
+    chaos: ChaosOverrides
+    craters: CratersOverrides
+    hollows: HollowsOverrides
+    penitentes: PenitentesOverrides
+    hills: HillsOverrides
+    mantle: MantleOverrides
+    surface: SurfaceOverrides
+    hapke: HapkeOverrides
+    textures: TexturesOverrides
+    rocks: RocksOverrides
+    rock_surface: RockSurfaceOverrides
+    light: LightOverrides
+    rig: RigOverrides
+    sensor: SensorOverrides
+    quality: QualityOverrides
+    dataset: DatasetOverrides
