@@ -31,10 +31,10 @@ CLASSES = classify(TRUTH, RANDOM.random((60, 80)) < 0.9, RANDOM.exponential(3, (
                    np.tile([0.0, 0.0, 1.0], (60, 80, 1)), RANDOM.integers(0, 5, (60, 80)), [0.0, 0.0, 1.0])
 
 
-def sums_by_class(classes, depth, truth, disparity, true):
+def sums_by_class(classes, depth, truth, disparity, true, doffs_px=0.0):
     known = usable(truth)
     return by_pixel_class.sums_by_class(Cells(classes, known), *(values[known] for values in (depth, truth, disparity,
-                                                                                             true)))
+                                                                                             true)), doffs_px)
 
 
 def test_classes_lie_between_their_bounds():
@@ -94,6 +94,14 @@ def test_sums_are_those_of_the_pixels_of_each_class():
             assert got["m_per_px"] == pytest.approx((TRUTH[both] ** 2 / 85).sum(), rel=1e-6)
     for key in ("range", "texture", "occlusion"):  # everyone is in one of these classes
         assert sum(sums[key]["true"]) == np.isfinite(TRUTH).sum()
+
+
+def test_a_disparity_of_shifted_principal_points_counts_from_where_depth_is_infinite():
+    """Where d + doffs = f B / Z, a pixel of disparity is Z / (d + doffs) of depth."""
+    shifted = sums_by_class(CLASSES, DEPTH, TRUTH, 85 / DEPTH - 3, 85 / TRUTH - 3, doffs_px=3.0)
+    plain = sums_by_class(CLASSES, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
+    for key in ("m_per_px", "epe_px"):
+        assert shifted["range"][key] == pytest.approx(plain["range"][key], rel=1e-9)
 
 
 def test_sums_add_up_and_have_means():

@@ -47,6 +47,12 @@ def test_numbers_by_hand():
     assert result["dod"] == 0  # 1.05 < 2.5 < 4 < 6.5 as 1 < 2 < 4 < 5
 
 
+@pytest.mark.parametrize("n", [1, 2, 9, 10])
+def test_the_median_is_that_of_the_sorted_errors(n):
+    errors = np.random.default_rng(n).permutation(2.0 ** np.arange(n))  # no two have the mean of two others
+    assert depth_metrics(1000 + errors, np.full(n, 1000.0))["median_m"] == np.median(errors)
+
+
 def test_disparity_by_hand():
     result = disparity_metrics(np.array([10.0, 11.5, NAN, 20.0, 5.0]), np.array([10.5, 10.0, 7.0, 16.0, NAN]))
     assert set(result) == set(DISPARITY_METRICS)
@@ -223,6 +229,11 @@ def test_sparsification_drops_the_least_confident_first():
     assert all(math.isnan(value) for value in sparsification(np.full(3, NAN)))
     assert sparsification(np.array([NAN, 2.0])) == [2.0] * len(SHARES)
     assert by_confidence(np.array([[1.0, 3.0], [3.0, 2.0]])).tolist() == [1, 2, 3, 0]
+
+
+def test_confidences_of_any_sign_and_size_are_sorted_as_numbers_are():
+    values = np.concatenate([[0.0, -0.0, -1.0, 0.0], np.random.default_rng(0).standard_cauchy(1000)]).astype(np.float32)
+    assert by_confidence(values).tolist() == np.argsort(-values, kind="stable").tolist()
 
 
 def test_an_error_of_exactly_a_limit_is_within_it():
