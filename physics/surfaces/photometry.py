@@ -126,6 +126,17 @@ def phase_curve(law: Law, phase: Any) -> Array:
     return disc_brightness(law, phase) / geometric_albedo(law)
 
 
+def equigonal_albedo(law: Law) -> float:
+    """Radiance factor I/F on the mirror meridian, i = e = g/2, extrapolated to g = 0 without the opposition surge.
+
+    By a quadratic fit over phase angles g from 10 to 120 degrees, as Filacchione et al. 2022 (arXiv 2111.15541) measure
+    it. It is a reflectance in one geometry and no albedo of a sphere or of a plane.
+    """
+    degrees = np.arange(10.0, 121.0)
+    half = np.radians(degrees) / 2
+    return float(np.polyfit(degrees, np.pi * law(half, half, np.full_like(half, np.pi)), 2)[-1])
+
+
 def bond_albedo(law: Law) -> float:
     """Share of the sunlight on a sphere that it returns, p q; also of a plane under an even sky."""
     alpha, weight = _gauss(0.0, np.pi)
