@@ -1,4 +1,4 @@
-"""Numbers of the vertices and faces of a PLY file as they stand in it.
+"""PLY files: numbers of vertices and faces as they stand in a file, and triangles written to one.
 
 Blender's PLY importer makes zeros of numbers that are none (measured in 4.2, 5.0 and 5.2), single precision of
 doubles, and reads texture coordinates only where they are called s and t; reconstructions have all of these.
@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..files import write_atomically
 from ..physics.mesh.check import find_equal_rows
 
 _TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
@@ -181,3 +182,20 @@ def _read_binary_table(path: Path, start: int, count: int, declared: tuple[tuple
     if any((table[name] != length).any() for name, length in lengths.items()):
         return None
     return {words[-1]: np.asarray(table[words[-1]]) for words in declared}
+
+
+def write_triangles(path: Path, vertices: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None = None) -> None:
+    """Write positions (n, 3), indices (m, 3) and normals (n, 3) of a mesh as a binary PLY file in single precision."""
+    names = ["x", "y", "z", *(["nx", "ny", "nz"] if normals is not None else [])]
+    rows = vertices if normals is None else np.concatenate([vertices, normals], axis=1)
+    faces = np.empty(len(triangles), np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
+    faces["count"], faces["corners"] = 3, triangles
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}",
+              *(f"property float {name}" for name in names), f"element face {len(faces)}",
+              "property list uchar int vertex_indices", "end_header", ""]
+
+    def write(part: Path) -> None:
+        part.write_bytes("\n".join(header).encode("ascii") + np.ascontiguousarray(rows, "<f4").tobytes()
+                         + faces.tobytes())
+
+    write_atomically(path, write)

@@ -1,0 +1,109 @@
+"""Comparisons: their verdicts, how they run, and those of a user."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import pytest
+from icymoon.commands.cli import main
+from icymoon.commands.validate import choose_comparisons
+from icymoon.errors import IcyMoonError
+from icymoon.validation.all_comparisons import COMPARISONS
+from icymoon.validation.comparison import (
+    AGREES,
+    EXPLAINED,
+    OFF,
+    Bench,
+    Comparison,
+    Row,
+    load_own_comparison,
+    run_comparison,
+)
+from icymoon.validation.tables import markdown_section, replace_sections, summary
+from icymoon.version import ROOT
+
+OWN = """
+from icymoon.validation.comparison import Comparison, Row
+COMPARISON = Comparison("mine", "Mine", "Why.", lambda bench: [Row("size", {ours}, 1.0, 0.1, "a ruler")])
+"""
+
+
+@pytest.mark.parametrize(("ours", "why", "verdict"), [
+    (1.1, "", AGREES), (1.11, "", OFF), (0.89, "known", EXPLAINED), (math.nan, "", OFF), (math.inf, "", OFF)])
+def test_verdicts(ours, why, verdict):
+    row = Row("x", ours, 1.0, 0.1 + 1e-12, "source", why=why)
+    assert row.verdict == verdict
+    json.dumps(row.to_json(), allow_nan=False)
+
+
+def test_a_comparison_that_cannot_be_made_fails_with_its_sentence(tmp_path):
+    def refuse(bench):
+        raise IcyMoonError("No lamp is there; buy one.")
+
+    found = run_comparison(Comparison("lamp", "Lamp", "", refuse), Bench(tmp_path))
+    assert not found.passes
+    assert "buy one" in summary(found)
+    assert "Not made: No lamp" in markdown_section(found)
+    assert not run_comparison(Comparison("none", "None", "", lambda bench: []), Bench(tmp_path)).passes
+
+
+def test_a_users_own_file(tmp_path, capsys):
+    file = tmp_path / "mine.py"
+    for ours, status in ((1.05, 0), (2.0, 1)):
+        file.write_text(OWN.format(ours=ours), encoding="utf-8")
+        assert main(["validate", "--own", str(file), "--only", "mine", "--out", str(tmp_path / "out"),
+                     "--json"]) == status
+        report = json.loads(capsys.readouterr().out)
+        assert report["passes"] == (status == 0)
+        assert report == json.loads((tmp_path / "out" / "validation.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize(("text", "word"), [
+    (None, "There is no comparison"), ("x = 1", "has no comparison"), ("import nowhere_at_all", "cannot be run"),
+    ("COMPARISON = 3", "has no comparison"), ("def f(:", "cannot be run")])
+def test_a_bad_file_is_one_sentence(tmp_path, text, word):
+    file = tmp_path / "mine.py"
+    if text is not None:
+        file.write_text(text, encoding="utf-8")
+    with pytest.raises(IcyMoonError, match=word):
+        load_own_comparison(file)
+
+
+def test_choosing(tmp_path):
+    assert [each.name for each in choose_comparisons(["codes"], [], False)] == ["codes"]
+    assert all(each.quick for each in choose_comparisons([], [], True))
+    with pytest.raises(IcyMoonError, match="did you mean 'albedos'"):
+        choose_comparisons(["albdos"], [], False)
+    file = tmp_path / "mine.py"
+    file.write_text(OWN.replace('"mine"', '"codes"').format(ours=1), encoding="utf-8")
+    with pytest.raises(IcyMoonError, match="another name"):
+        choose_comparisons([], [file], False)
+
+
+def test_sections_of_a_page_are_renewed_and_the_rest_stays(tmp_path):
+    comparison = Comparison("a", "A", "Text.", lambda bench: [Row("q | r", 1.0, 1.0, 0.0, "s", unit="m")])
+    result = run_comparison(comparison, Bench(tmp_path))
+    page = "# Page\n\nIntro.\n\n## A\n\nold\n\n## Last\n\nEnd.\n"
+    new = replace_sections(page, [result])
+    assert "old" not in new
+    assert "| q \\| r | 1 m | 1 m |" in new
+    assert new.startswith("# Page\n\nIntro.\n\n## A\n")
+    assert new.endswith("## Last\n\nEnd.\n")
+    assert replace_sections(new, [result]) == new
+    assert replace_sections("# Page\n\n## Last\n\nEnd.\n", [result]) == new.replace("Intro.\n\n", "")
+
+
+def test_the_manual_has_a_section_of_every_comparison():
+    page = (ROOT / "docs" / "theory" / "validation.md").read_text(encoding="utf-8")
+    for each in COMPARISONS:
+        assert f"## {each.title}\n" in page
+        assert f"--only {each.name}`" in page
+
+
+@pytest.mark.parametrize("name", ["albedos", "codes"])
+def test_what_takes_seconds_passes_and_is_in_the_manual(name, tmp_path):
+    comparison, = (each for each in COMPARISONS if each.name == name)
+    found = run_comparison(comparison, Bench(tmp_path, quick=True))
+    assert found.passes, summary(found)
+    assert markdown_section(found) in (ROOT / "docs" / "theory" / "validation.md").read_text(encoding="utf-8")

@@ -1,0 +1,9 @@
+"""The comparisons that are shipped, in the order of the page."""
+
+from __future__ import annotations
+
+from . import moon_albedos, other_codes, whole_disc
+from .comparison import Comparison
+
+COMPARISONS: tuple[Comparison, ...] = (
+    moon_albedos.COMPARISON, other_codes.COMPARISON, whole_disc.COMPARISON)

@@ -1,0 +1,158 @@
+"""What a comparison is: its rows, what it may use, and how a user adds one.
+
+A comparison gives rows. Each has a number of ours, the number that it is held against, the largest difference that
+counts as agreement, and the source. A number that a preset was fitted to shows nothing but the fit, so a row states it.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from ..errors import IcyMoonError
+from ..render.pairs.pair_folder import Pair, is_complete, read_pair
+from ..render.plans.planned_pair import expand_headings
+from ..render.workers.job import Job, render_job
+from ..settings.user_files import content
+from ..typed_settings import Settings
+
+#: Verdicts of a row.
+AGREES, EXPLAINED, OFF = "agrees", "off, explained", "off"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One number of ours beside one that no one here made.
+
+    ``allowed`` is the largest difference that counts as agreement, in the unit of both. ``fitted`` marks a number that
+    ours was fitted to. ``why`` explains a difference that is known; without it, a larger one is a fault.
+    """
+
+    quantity: str
+    ours: float
+    theirs: float
+    allowed: float
+    source: str
+    unit: str = ""
+    fitted: bool = False
+    why: str = ""
+
+    @property
+    def difference(self) -> float:
+        """Ours minus theirs."""
+        return self.ours - self.theirs
+
+    @property
+    def verdict(self) -> str:
+        """``AGREES``, ``EXPLAINED`` or ``OFF``; a number that is not finite agrees with nothing."""
+        if abs(self.difference) <= self.allowed:
+            return AGREES
+        return EXPLAINED if self.why else OFF
+
+    def to_json(self) -> dict[str, Any]:
+        """The row as plain values, null for what is not finite."""
+        ours, theirs = (value if math.isfinite(value) else None for value in (self.ours, self.theirs))
+        return {"quantity": self.quantity, "ours": ours, "theirs": theirs, "allowed": self.allowed,
+                "unit": self.unit, "fitted": self.fitted, "verdict": self.verdict, "source": self.source,
+                "why": self.why}
+
+
+Say = Callable[[dict[str, Any]], None]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What a comparison may use: a folder for its files, a Blender, and whether it is to be ``quick``."""
+
+    folder: Path
+    blender: str = sys.executable
+    quick: bool = False
+    say: Say = field(default=lambda message: None)
+
+    def render(self, described: Sequence[Settings]) -> list[Pair]:
+        """The first pair of each of these complete descriptions, rendered in one worker.
+
+        What is already in the folder is not rendered again. Raises IcyMoonError if one cannot be rendered.
+        """
+        dataset = self.folder / "renders"
+        planned = [expand_headings(settings, content(settings))[0] for settings in described]
+        if not all(is_complete(pair.folder(dataset)) for pair in planned):
+            render_job(Job(dataset, pairs=planned), self.blender, self.say)
+        return [read_pair(pair.folder(dataset)) for pair in planned]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A comparison: ``name`` on the command line, title and a paragraph for the page, and what makes its rows.
+
+    One that is not ``quick`` is left out of a quick run; the others may look at fewer cases there.
+    """
+
+    name: str
+    title: str
+    text: str
+    compare: Callable[[Bench], list[Row]]
+    quick: bool = True
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a comparison found, in seconds; ``error`` is a sentence if it could not be made."""
+
+    comparison: Comparison
+    rows: tuple[Row, ...]
+    seconds: float
+    error: str = ""
+
+    @property
+    def passes(self) -> bool:
+        """Whether it could be made and no difference is without explanation."""
+        return not self.error and all(row.verdict != OFF for row in self.rows)
+
+    def to_json(self) -> dict[str, Any]:
+        """The result as plain values."""
+        return {"name": self.comparison.name, "title": self.comparison.title, "passes": self.passes,
+                "seconds": round(self.seconds, 1), "error": self.error, "rows": [row.to_json() for row in self.rows]}
+
+
+def run_comparison(comparison: Comparison, bench: Bench) -> Result:
+    """Make a comparison in a folder of its own below that of the bench. A failure is a result too."""
+    start = time.perf_counter()
+    rows: tuple[Row, ...] = ()
+    error = ""
+    try:
+        rows = tuple(comparison.compare(replace(bench, folder=bench.folder / comparison.name)))
+        if not rows:
+            error = "It compared nothing."
+    except IcyMoonError as failure:
+        error = " ".join(str(failure).split())
+    return Result(comparison, rows, time.perf_counter() - start, error)
+
+
+def load_own_comparison(path: Path) -> Comparison:
+    """The ``COMPARISON`` of a user's Python file, which is run. Only a path of the command line may come here.
+
+    Raises IcyMoonError if the file is missing, cannot be run or has none.
+    """
+    fix = "write COMPARISON = Comparison(...) into it, see Validation in the manual"
+    if not path.is_file():
+        raise IcyMoonError(f"There is no comparison {path}; give the path of a Python file.")
+    spec = importlib.util.spec_from_file_location(f"icymoon_own_comparison_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise IcyMoonError(f"{path} is no Python file; its name must end in .py.")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # dataclasses of the file look for their module there
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise IcyMoonError(f"{path} cannot be run ({type(error).__name__}: {error}); fix it.") from None
+    found = getattr(module, "COMPARISON", None)
+    if not isinstance(found, Comparison):
+        raise IcyMoonError(f"{path} has no comparison; {fix}.")
+    return found

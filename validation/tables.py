@@ -1,0 +1,71 @@
+"""Results of comparisons as text: lines for a terminal, sections of the page."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Sequence
+
+from .comparison import EXPLAINED, OFF, Comparison, Result, Row
+
+_HEADS = ("quantity", "here", "held against", "allowed", "off by", "verdict", "source")
+
+
+def shown_number(value: float) -> str:
+    """A number with four significant digits."""
+    return f"{value:.4g}"
+
+
+def _verdict(row: Row) -> str:
+    if row.fitted and row.verdict not in (OFF, EXPLAINED):
+        return "fitted to it"
+    return row.verdict
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """What a table shows of a row."""
+    unit = f" {row.unit}" if row.unit else ""
+    source = f"{row.source}. {row.why}" if row.why and row.verdict == EXPLAINED else row.source
+    return (row.quantity, shown_number(row.ours) + unit, shown_number(row.theirs) + unit,
+            f"± {shown_number(row.allowed)}", f"{row.difference:+.2g}", _verdict(row), source)
+
+
+def summary(result: Result) -> str:
+    """A comparison in one line."""
+    if result.error:
+        return f"{result.comparison.title}: not made. {result.error}"
+    counted = [row.verdict for row in result.rows]
+    parts = [f"{len(counted)} numbers"]
+    if explained := counted.count(EXPLAINED):
+        parts.append(f"{explained} off with a known cause")
+    parts.append(f"{counted.count(OFF)} off without one" if OFF in counted else "none off without a known cause")
+    return f"{result.comparison.title}: {'passes' if result.passes else 'FAILS'}; {', '.join(parts)}."
+
+
+def markdown_section(result: Result) -> str:
+    """The section of a comparison on the page, without what differs from run to run."""
+    comparison = result.comparison
+    command = f"`python -m icymoon validate --only {comparison.name}`"
+    lines = [f"## {comparison.title}", "", *textwrap.wrap(comparison.text, 120), "", command, ""]
+    if result.error:
+        return "\n".join([*lines, f"Not made: {result.error}", ""])
+    rows = [_HEADS, ("---",) * len(_HEADS), *(cells(row) for row in result.rows)]
+    table = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+    return "\n".join([*lines, *table, ""])
+
+
+def replace_sections(page: str, results: Sequence[Result]) -> str:
+    """The page with the sections of these results renewed; a section that it lacks comes before the last one."""
+    for result in results:
+        new = markdown_section(result)
+        found = _find_section(page, result.comparison)
+        if found:
+            page = page[:found.start()] + new + "\n" + page[found.end():]
+        else:
+            last = page.rfind("\n## ") + 1
+            page = page[:last] + new + "\n" + page[last:] if last else page.rstrip("\n") + "\n\n" + new
+    return page.rstrip("\n") + "\n"
+
+
+def _find_section(page: str, comparison: Comparison) -> re.Match[str] | None:
+    return re.search(rf"^## {re.escape(comparison.title)}\n.*?(?=^## |\Z)", page, re.MULTILINE | re.DOTALL)
