@@ -15,11 +15,12 @@ from .. import scene_properties
 from ..errors import IcyMoonError
 from ..nodes import scene as scenes
 from ..physics.camera.sensor import capacity_e
-from ..physics.light.photons import electron_rate, pixel_pitch_m
+from ..physics.light.photons import pixel_pitch_m
 from ..physics.surfaces import albedos
 from ..render.pairs.pair_folder import read_pair
 from ..settings import announcements, changes
 from ..settings.description import merged
+from ..stereo.images.develop import Channels
 from ..typed_settings import Settings
 from . import sidebar_text
 
@@ -39,7 +40,7 @@ def white_of(settings: Settings, measured: float = 1.0) -> float:
     """
     sensor = settings.sensor
     if not sensor.auto_exposure:
-        rate = electron_rate(settings.light, sensor, pixel_pitch_m(sensor, settings.rig))
+        rate = Channels(settings.light, sensor, pixel_pitch_m(sensor, settings.rig)).rate
         return capacity_e(sensor) / (rate * sensor.exposure_s) if rate > 0 else 0.0
     return measured * _brightest(settings) / float(sensor.auto_target)
 

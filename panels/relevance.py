@@ -19,6 +19,10 @@ _PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", 
 _SURFACE_NEEDS = {"albedo_patch_m": "albedo_variation", "subsurface_radius_m": "subsurface_weight",
                   "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m", "glint_size_m": "glint_share",
                   **{f"salt_{key}": "salt_share" for key in ("patch_m", "red", "green", "blue")}}
+_MONOCHROME_ONLY = {"band_centre_nm", "band_width_nm", "band_weights", "quantum_efficiency"}
+_MOSAIC_ONLY = {"bayer_pattern", "demosaicing", "white_balance", "grey", "filter_leak", "cut_on_nm", "cut_off_nm",
+                *(f"{colour}_{key}" for colour in ("red", "green", "blue")
+                  for key in ("centre_nm", "half_width_nm", "efficiency"))}
 #: Reflectance laws that use ``quality.fine_relief``.
 _WITH_NORMAL = ("LAMBERT", "PRINCIPLED")
 _SKY_ANGLES = ("_elevation_deg", "_azimuth_deg", "_diameter_deg", "_wm2", "_flattening")
@@ -40,6 +44,8 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
     if topic in ("surface", "rock_surface"):
         models = {"albedo": group.model != "HAPKE", "lommel_seeliger_share": group.model == "LUNAR_LAMBERT"}
         return models.get(key, key not in _PRINCIPLED_ONLY or group.model == "PRINCIPLED")
+    if topic == "sensor":
+        return key not in (_MOSAIC_ONLY if group.colour == "MONO" else _MONOCHROME_ONLY)
     if topic == "textures" and key != "set":
         return bool(group.set == "OWN" if key.endswith("_file") else group.set != "NONE")
     if topic == "light":

@@ -77,8 +77,12 @@ SECTIONS = (
         "motion_exposure_s")),
     _advanced("rig", "sensor_width_mm", "heading_deg", "x_m", "y_m"),
     Section("sensor", "optics", "Optics", "Aperture, wavelengths and sharpness of lens and filter", (
-        "f_number", "pixel_pitch_um", "transmission", "band_centre_nm", "band_width_nm", "psf_sigma_px",
+        "f_number", "pixel_pitch_um", "transmission", "band_centre_nm", "band_width_nm", "band_weights", "psf_sigma_px",
         "veiling_glare")),
+    Section("sensor", "filters", "Colour Filters", "The Bayer mosaic: its filters, demosaicing and white balance", (
+        "bayer_pattern", "demosaicing", "white_balance", "grey", "red_centre_nm", "red_half_width_nm", "red_efficiency",
+        "green_centre_nm", "green_half_width_nm", "green_efficiency", "blue_centre_nm", "blue_half_width_nm",
+        "blue_efficiency", "filter_leak", "cut_on_nm", "cut_off_nm")),
     Section("sensor", "detector", "Detector", "From photons to numbers", (
         "quantum_efficiency", "full_well_e", "gain", "bits", "black_level", "blooming")),
     Section("sensor", "noise", "Noise", "Noise of the sensor, between exposures and between pixels", (

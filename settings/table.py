@@ -704,12 +704,51 @@ SENSOR = Topic("sensor", "Exposure and Noise",
             "particles it receives; 0 for sensor width / columns", "response", "µm", 0.0, 1000.0, (0.0, 30.0),
             precision=2),
     _fraction("transmission", "Transmission", 0.9, "Share of the light that lens and filter transmit", "response"),
-    Setting("band_centre_nm", "Band Centre (nm)", 600.0, "Centre of the band of wavelengths that is detected",
+    Setting("band_centre_nm", "Band Centre (nm)", 600.0, "Centre of the band that a monochrome sensor detects",
             "response", "nm", 100.0, 20000.0, (300.0, 1100.0), precision=0),
-    Setting("band_width_nm", "Band Width (nm)", 200.0, "Width of the band of wavelengths that is detected",
+    Setting("band_width_nm", "Band Width (nm)", 200.0, "Width of the band that a monochrome sensor detects",
             "response", "nm", 0.1, 20000.0, (5.0, 700.0), precision=0),
-    _fraction("quantum_efficiency", "Quantum Efficiency", 0.5, "Mean number of electrons per photon in the band",
-              "response"),
+    _fraction("quantum_efficiency", "Quantum Efficiency", 0.5, "Mean number of electrons per photon in the band, of a "
+              "monochrome sensor", "response"),
+    Setting("band_weights", "Weights of R, G, B", "EQUAL", "How a monochrome camera adds up the bands of the pair. "
+            "Grey ground looks the same with both", "response",
+            choices=(("EQUAL", "Equal", "The mean of R, G and B"),
+                     ("BAND", "By the Band", "By how much of the camera's band and of the Sun's photons is theirs: "
+                      "brown ground is brighter to a red camera"))),
+    Setting("colour", "Colour", "MONO", "Whether the sensor sees colour. Both need the same render", "response",
+            choices=(("MONO", "Monochrome", "Each pixel detects the whole band"),
+                     ("BAYER", "Bayer Mosaic", "Each pixel is behind a red, green or blue filter, and the other two "
+                      "colours come from its neighbours. Matchers get a grey image of all three"))),
+    Setting("bayer_pattern", "Bayer Pattern", "RGGB", "Colours of the first two pixels of the first two rows",
+            "response", choices=tuple((name, name, f"First row {name[:2]}, second row {name[2:]}")
+                                      for name in ("RGGB", "BGGR", "GRBG", "GBRG"))),
+    Setting("demosaicing", "Demosaicing", "MALVAR", "How the two missing colours of each pixel are found", "response",
+            choices=(("BILINEAR", "Bilinear", "Mean of the nearest pixels of a colour. The softest"),
+                     ("MALVAR", "Malvar", "Linear, with the detail of the pixel's own colour (Malvar, He and Cutler "
+                      "2004), as on Mars rovers"),
+                     ("EDGE_AWARE", "Edge-Aware", "Green along edges, not across them; red and blue as Bilinear "
+                      "(OpenCV). The pair viewer shows Malvar instead"))),
+    Setting("white_balance", "White Balance", "SUN", "Factors on red, green and blue after demosaicing", "response",
+            choices=(("SUN", "Sunlight", "White ground in sunlight is grey; the weaker colours are multiplied"),
+                     ("NONE", "None", "The numbers of the sensor"))),
+    Setting("grey", "Grey for Matchers", "LUMINANCE", "How matchers get a colour image", "response",
+            choices=(("LUMINANCE", "Luminance", "0.2126 red + 0.7152 green + 0.0722 blue (ITU-R BT.709), linear"),
+                     ("MEAN", "Mean", "A third of each"))),
+    *(setting for name, centre, half, peak in (("red", 615.0, 45.0, 0.46), ("green", 535.0, 46.0, 0.55),
+                                               ("blue", 450.0, 50.0, 0.51)) for setting in (
+        Setting(f"{name}_centre_nm", f"{name.title()} Centre (nm)", centre, f"Wavelength at which the {name} filter "
+                "passes most, with a Gaussian around it", "response", "nm", 100.0, 20000.0, (380.0, 720.0),
+                precision=0),
+        Setting(f"{name}_half_width_nm", f"{name.title()} Half Width (nm)", half, f"Distance from the centre of the "
+                f"{name} filter at which half is passed", "response", "nm", 0.1, 20000.0, (10.0, 100.0), precision=0),
+        _fraction(f"{name}_efficiency", f"{name.title()} Efficiency", peak, f"Electrons per photon at the centre of "
+                  f"the {name} filter, besides its leak", "response"))),
+    _fraction("filter_leak", "Filter Leak", 0.04, "Electrons per photon that every colour filter adds at all "
+              "wavelengths that reach it", "response"),
+    Setting("cut_on_nm", "Cut-On (nm)", 400.0, "Shortest wavelength that reaches the colour filters", "response", "nm",
+            100.0, 20000.0, (350.0, 450.0), precision=0),
+    Setting("cut_off_nm", "Cut-Off (nm)", 700.0, "Longest wavelength that reaches the colour filters: that of an "
+            "infrared cut-off filter", "response", "nm", 100.0, 20000.0, (620.0, 750.0), precision=0),
     Setting("full_well_e", "Full Well (e-)", 20000.0, "Electrons that a pixel can hold before it saturates",
             "response", "e-", 1.0, 1.0e7, (1000.0, 1.0e5), precision=0),
     Setting("gain", "Gain", 1.0, "Gain, relative to the one at which a full well gives the largest number",

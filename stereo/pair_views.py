@@ -1,7 +1,7 @@
 """A rendered pair as pictures for the window: the camera images and the true depth.
 
 It needs only numpy, which Blender has. Images of a distorting lens are interpolated with OpenCV, so here the images are
-those of pinholes, and not rectified if the eyes are toed in.
+those of pinholes, and not rectified if the eyes are toed in. Edge-aware demosaicing is OpenCV's too.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ..render.pairs.pair_folder import EYES, Pair, read_unchanged_pair
 from ..settings.description import merged
 from ..typed_settings import Settings
 from .images.colours import SKY_GREY, Scale, bar, depth_scale, true_depth_picture
-from .images.develop import Images, develop
+from .images.develop import Images, develop, to_8_bit
 from .images.disparity_and_occlusion import scene_depth
 from .images.exr import read_depth, read_light
 from .images.lettering import put_text, text_width
@@ -34,11 +34,13 @@ _CAPTION_PER_PX = 1 / 800  # size of captions per column of the whole picture
 
 @dataclass(frozen=True)
 class PairViews:
-    """The images of a pair as matchers get them, uint8 (H, W), its true depth, and facts about both."""
+    """The images of a pair, uint8, its true depth, and facts about both."""
 
     id: str
-    left: np.ndarray
+    left: np.ndarray  # (H, W), as matchers get it
     right: np.ndarray
+    shown_left: np.ndarray  # (H, W, 3), R, G, B: in colour if the sensor sees it
+    shown_right: np.ndarray
     depth: np.ndarray  # (H, W) of the left image's pixels, planar metres, NaN for sky and planet
     scale: Scale  # of the depth's colours
     range_m: tuple[float, float] | None  # nearest and farthest depth; None if all is sky
@@ -50,15 +52,19 @@ class PairViews:
 
     def pictures(self, view: str) -> list[np.ndarray]:
         """The picture of a view, uint8 RGB (H, W, 3); of FLICKER the two that take turns. KeyError for no view."""
-        return {"SIDE_BY_SIDE": self._side_by_side, "LEFT": lambda: [_grey(self.left)],
-                "RIGHT": lambda: [_grey(self.right)], "FLICKER": lambda: [_grey(eye) for eye in self.aligned],
+        return {"SIDE_BY_SIDE": self._side_by_side, "LEFT": lambda: [self.shown_left],
+                "RIGHT": lambda: [self.shown_right],
+                "FLICKER": lambda: list(self._aligned(self.shown_left, self.shown_right)),
                 "ANAGLYPH": self._anaglyph, "DEPTH": self._overlay}[view]()
 
     @property
     def aligned(self) -> tuple[np.ndarray, np.ndarray]:
-        """Left and right, cropped so that ground at the median depth is in the same column of both."""
-        width = self.left.shape[1] - self.shift_px
-        return self.left[:, self.shift_px:], self.right[:, :width]
+        """Left and right, grey, cropped so that ground at the median depth is in the same column of both."""
+        return self._aligned(self.left, self.right)
+
+    def _aligned(self, left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        width = left.shape[1] - self.shift_px
+        return left[:, self.shift_px:], right[:, :width]
 
     @property
     def lines(self) -> list[str]:
@@ -74,8 +80,8 @@ class PairViews:
         width = self.left.shape[1]
         size = max(1.0, (3 * width) * _CAPTION_PER_PX)
         legend = self._legend(width, size)
-        columns = [np.vstack([_grey(self.left), _caption("Left", legend.shape, size)]),
-                   np.vstack([_grey(self.right), _caption("Right", legend.shape, size)]), np.vstack([depth, legend])]
+        columns = [np.vstack([self.shown_left, _caption("Left", legend.shape, size)]),
+                   np.vstack([self.shown_right, _caption("Right", legend.shape, size)]), np.vstack([depth, legend])]
         gap = np.full((len(columns[0]), round(_GAP_PX * size), 3), _PAPER, np.uint8)
         return [np.hstack([columns[0], gap, columns[1], gap, columns[2]])]
 
@@ -112,26 +118,31 @@ def read_pair_views(folder: Path, response: Mapping[str, Mapping[str, Any]], mos
     known = depth[np.isfinite(depth)]
     factor = -(-max(depth.shape) // most_px)
     left, right = images.for_matchers()
+    shown = [_in_colour(to_8_bit(images.seen(eye), images.bits, images.encoding)) for eye in EYES]
     range_m = (float(known.min()), float(known.max())) if known.size else None
     title = f"True depth, {range_m[0]:.3g} to {range_m[1]:.3g} m" if range_m else "No depth"
     return PairViews(
-        pair.id, _reduced(left, factor), _reduced(right, factor), _sampled(depth, factor),
+        pair.id, _reduced(left, factor), _reduced(right, factor), _reduced(shown[0], factor),
+        _reduced(shown[1], factor), _sampled(depth, factor),
         replace(depth_scale(depth), title=title), range_m,
         tuple(frame.seconds for frame in images.frames), images.saturated, _shift_px(pair, known) // factor, factor,
         (*_left_out(pair, settings), *images.warnings))
 
 
 def _develop(pair: Pair, settings: Settings) -> Images:
-    """Develop a pair without its lens."""
+    """Develop a pair without its lens, and without OpenCV."""
     scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
     left, right = (read_light(pair.image(eye), eye, groups=scaled) for eye in EYES)
-    plain = merged(settings, {"rig": {f"distortion_{name}": 0.0 for name in COEFFICIENTS}})
+    linear = {"sensor": {"demosaicing": "MALVAR"}} if settings.sensor.demosaicing == "EDGE_AWARE" else {}
+    plain = merged(settings, {"rig": {f"distortion_{name}": 0.0 for name in COEFFICIENTS}}, linear)
     return develop(replace(pair, camera=replace(pair.camera, toe_in_deg=0.0)), left, right, plain)
 
 
 def _left_out(pair: Pair, settings: Settings) -> list[str]:
     parts = [*(["lens distortion"] if any(coefficients(settings.rig)) else []),
-             *(["the rectification of toed-in eyes"] if pair.camera.toe_in_deg else [])]
+             *(["the rectification of toed-in eyes"] if pair.camera.toe_in_deg else []),
+             *(["edge-aware demosaicing"] if settings.sensor.colour == "BAYER"
+               and settings.sensor.demosaicing == "EDGE_AWARE" else [])]
     return [f"Shown without {' and '.join(parts)}; Show Camera Image includes that."] if parts else []
 
 
@@ -144,8 +155,8 @@ def _shift_px(pair: Pair, depth: np.ndarray) -> int:
 
 def _reduced(image: np.ndarray, factor: int) -> np.ndarray:
     """Means over squares of ``factor`` pixels, uint8; incomplete squares at the right and bottom are left out."""
-    height, width = (n // factor for n in image.shape)
-    squares = image[:height * factor, :width * factor].reshape(height, factor, width, factor)
+    height, width = (n // factor for n in image.shape[:2])
+    squares = image[:height * factor, :width * factor].reshape(height, factor, width, factor, *image.shape[2:])
     return image if factor == 1 else np.rint(squares.mean(axis=(1, 3))).astype(np.uint8)
 
 
@@ -155,8 +166,9 @@ def _sampled(depth: np.ndarray, factor: int) -> np.ndarray:
     return depth[factor // 2::factor, factor // 2::factor][:height, :width]
 
 
-def _grey(image: np.ndarray) -> np.ndarray:
-    return np.repeat(image[..., None], 3, axis=-1)
+def _in_colour(image: np.ndarray) -> np.ndarray:
+    """R, G, B (H, W, 3) of an image in colour or grey."""
+    return image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=-1)
 
 
 def _caption(text: str, shape: tuple[int, ...], size: float) -> np.ndarray:

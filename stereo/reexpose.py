@@ -20,10 +20,11 @@ from .evaluate import Event
 from .images.develop import Images, develop, exposure_facts
 from .images.exr import read_light
 from .images.image_files import write_npy, write_png
+from .images.lens import lens_of
 from .images.views import read_sensor_depth
 
 #: Files that only some settings produce; those of an earlier run are removed.
-_STALE = re.compile(r"(left|right)_(\d+\.png|distorted\.png|distorted_depth\.npy)")
+_STALE = re.compile(r"(left|right)_(\d+\.png|distorted\.png|mosaic\.png|distorted_depth\.npy)")
 FORMAT, VERSION = "icymoon-images", 1
 
 
@@ -33,10 +34,11 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
 
     Writes to ``out/<pair>/``:
 
-    * ``left.png`` and ``right.png``, rectified, 8-bit, or 16-bit with ``image_bits`` bits;
+    * ``left.png`` and ``right.png``, rectified, 8-bit, or 16-bit with ``image_bits`` bits, in colour if the sensor is;
+    * of a colour sensor, its numbers as ``left_mosaic.png``, not rectified;
     * with brackets, every exposure as ``left_0.png`` and so on, the longest first, not rectified;
-    * with a distorting lens or toed-in eyes, the image of the sensor as ``left_distorted.png``, and the depth of its
-      pixels (npy, metres along the axis of the eye, NaN for none);
+    * with a distorting lens or toed-in eyes, the image of the sensor as ``left_distorted.png`` (of a colour sensor, the
+      mosaic is that), and the depth of its pixels (npy, metres along the axis of the eye, NaN for none);
     * last, ``images.json``: exposure, gain, calibration and settings.
 
     ``on_event`` gets the events of ``evaluate``. A pair that fails does not stop the others. Raises IcyMoonError if
@@ -74,7 +76,8 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
         remove(stale)
     for name, numbers in _images_by_name(images, int(settings.sensor.bits)).items():
         write_png(out / f"{name}.png", numbers)
-    for eye in EYES if images.detected_left is not images.left else ():
+    bent = any(lens_of(pair.camera, settings.rig, eye) is not None for eye in EYES)
+    for eye in EYES if bent else ():
         write_npy(out / f"{eye}_distorted_depth.npy", read_sensor_depth(pair, eye, settings.rig))
     write_json(out / "images.json", {
         "format": FORMAT, "version": VERSION, "pair": pair.id, "camera": pair.camera.to_json(),
@@ -85,10 +88,11 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
 
 
 def _images_by_name(images: Images, sensor_bits: int) -> dict[str, np.ndarray]:
-    """The images to write, by name; those of 8 bits are uint8."""
-    named = {eye: (getattr(images, eye), images.bits) for eye in EYES}
+    """The images to write, by name; those of 8 bits are uint8, and those in colour in the order B, G, R."""
+    named = {eye: (images.seen(eye)[..., ::-1] if images.is_mosaic else images.seen(eye), images.bits) for eye in EYES}
     if images.detected_left is not images.left:
-        named |= {f"{eye}_distorted": (getattr(images, f"detected_{eye}"), images.bits) for eye in EYES}
+        kind = "mosaic" if images.is_mosaic else "distorted"
+        named |= {f"{eye}_{kind}": (getattr(images, f"detected_{eye}"), images.bits) for eye in EYES}
     if len(images.frames) > 1:
         named |= {f"{eye}_{k}": (getattr(frame, eye), sensor_bits)
                   for k, frame in enumerate(images.frames) for eye in EYES}

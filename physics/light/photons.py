@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from ...errors import IcyMoonError
 from ...typed_settings import LightSettings, RigSettings, SensorSettings
 
 # CODATA 2018, exact.
@@ -39,6 +40,11 @@ def _band(sensor: SensorSettings) -> tuple[np.ndarray, np.ndarray]:
     centre = sensor.band_centre_nm * 1e-9
     low = max(centre - half, 1e-9)
     high = centre + half
+    if sensor.colour != "MONO":
+        low, high = sensor.cut_on_nm * 1e-9, sensor.cut_off_nm * 1e-9
+        if low >= high:
+            raise IcyMoonError(f"sensor.cut_on_nm is {sensor.cut_on_nm:g} and sensor.cut_off_nm {sensor.cut_off_nm:g}; "
+                               "make the first one the shorter wavelength.")
     return (high + low) / 2 + (high - low) / 2 * _NODES, (high - low) / 2 * _WEIGHTS
 
 
@@ -60,6 +66,13 @@ def photons_per_joule(light: LightSettings, sensor: SensorSettings) -> float:
     return photons if light.irradiance_band == "CAMERA" else photons * band_share(light, sensor)
 
 
+def photons_by_wavelength(light: LightSettings, sensor: SensorSettings) -> tuple[np.ndarray, np.ndarray]:
+    """Wavelengths (n,) in metres across the camera's band, and how many of ``photons_per_joule`` each stands for."""
+    wavelength, weight = _band(sensor)
+    each = planck(wavelength, float(light.sun_temperature_k)) * weight * wavelength
+    return wavelength, photons_per_joule(light, sensor) * each / each.sum()
+
+
 def pixel_pitch_m(sensor: SensorSettings, rig: RigSettings) -> float:
     """Side of a pixel of the sensor in metres: what the sensor states, or else what the rig's width is divided into.
 
@@ -70,12 +83,16 @@ def pixel_pitch_m(sensor: SensorSettings, rig: RigSettings) -> float:
     return stated if stated > 0 else float(rig.sensor_width_mm) * 1e-3 / int(rig.width_px)
 
 
-def electron_rate(light: LightSettings, sensor: SensorSettings, pitch_m: float) -> float:
-    """Photo-electrons per second in a pixel of side ``pitch_m`` per W/(m² sr) of radiance.
+def optics_m2_sr(sensor: SensorSettings, pitch_m: float) -> float:
+    """Watts on a pixel of side ``pitch_m`` per W/(m² sr) of radiance.
 
-    EMVA 1288, release 4.0: E = π τ L / (1 + 4 N²) for
-    f-number N, transmission τ and radiance L; then photons on the pixel's area times quantum
-    efficiency.
+    EMVA 1288, release 4.0: the irradiance is E = π τ L / (1 + 4 N²) for f-number N, transmission τ and radiance L.
     """
     irradiance = math.pi * float(sensor.transmission) / (1 + 4 * float(sensor.f_number)**2)
-    return irradiance * pitch_m**2 * float(sensor.quantum_efficiency) * photons_per_joule(light, sensor)
+    return irradiance * pitch_m**2
+
+
+def electron_rate(light: LightSettings, sensor: SensorSettings, pitch_m: float) -> float:
+    """Photo-electrons per second of a monochrome sensor in a pixel of side ``pitch_m`` per W/(m² sr) of radiance:
+    photons on the pixel's area times quantum efficiency."""
+    return optics_m2_sr(sensor, pitch_m) * float(sensor.quantum_efficiency) * photons_per_joule(light, sensor)

@@ -8,8 +8,9 @@
 * ``coco``: left and right images, and ``annotations.json`` with a mask for each rock and each of the user's objects.
 * ``raw``: images, depth and calibration of the sensors, not rectified; see ``raw.write_raw``.
 
-Except in ``raw``, images are rectified and developed as for the matchers; ``pfm`` contains the radiance itself. An
-unknown value (sky, or what a toed-in eye does not see) is infinity in PFM and 0 in 16-bit PNG.
+Except in ``raw``, images are rectified and developed as for the matchers, but in colour if the sensor sees it; ``pfm``
+contains the radiance itself. An unknown value (sky, or what a toed-in eye does not see) is infinity in PFM and 0 in
+16-bit PNG.
 """
 
 from __future__ import annotations
@@ -94,7 +95,9 @@ def _disparity(pair: Loaded, eye: str) -> np.ndarray:
 
 
 def _image(pair: Loaded, eye: str) -> np.ndarray:
-    return pair.images.left if eye == "left" else pair.images.right
+    """The image of an eye, grey (H, W) or in colour (H, W, 3) in the order B, G, R."""
+    image = pair.images.seen(eye)
+    return image[..., ::-1] if image.ndim == 3 else image
 
 
 def _write_8_bit(path: Path, pair: Loaded, eye: str) -> None:

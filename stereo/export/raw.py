@@ -22,7 +22,8 @@ def write_raw(pair: Loaded, out: Path) -> None:
     along the axis of the eye, NaN for none), the same of the right eye, ``calibration.json``, and ``intrinsics.yml``
     and ``extrinsics.yml`` in the format of OpenCV's stereo programs.
 
-    Single exposures that were merged are not written.
+    The image of a colour sensor is its mosaic, by ``sensor.bayer_pattern``. Single exposures that were merged are not
+    written.
     """
     folder = out / pair.pair.folder.name
     for eye, numbers in (("left", pair.images.detected_left), ("right", pair.images.detected_right)):

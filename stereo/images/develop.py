@@ -1,4 +1,4 @@
-"""Developing a pair: from linear radiance to the grey images that matchers get."""
+"""Developing a pair: from linear radiance to the images of its camera, and the grey ones that matchers get."""
 
 from __future__ import annotations
 
@@ -13,9 +13,11 @@ from ...errors import IcyMoonError
 from ...labels import LIGHT_GROUPS
 from ...physics.camera import brackets
 from ...physics.camera.blur import developing_warnings
+from ...physics.camera.colour import channel_rates, grey_of, mosaic, white_gains, white_rates
 from ...physics.camera.particle_hits import draw_hits
 from ...physics.camera.point_spread import apply_lens
 from ...physics.camera.sensor import (
+    black_dn,
     capacity_e,
     digital_numbers,
     draw_pattern,
@@ -28,14 +30,16 @@ from ...physics.camera.sensor import (
 )
 from ...physics.light.photons import electron_rate, pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair, StereoCamera
-from ...typed_settings import LightSettings, Settings
+from ...typed_settings import LightSettings, SensorSettings, Settings
+from .demosaic import demosaic
 from .exr import Light
 from .lens import Lens, lens_of
 
 
 @dataclass(frozen=True)
 class Frame:
-    """One exposure of both eyes: uint16 (H, W) digital numbers with the bits of the sensor."""
+    """One exposure of both eyes: uint16 (H, W) digital numbers with the bits of the sensor; of a colour sensor the
+    mosaic."""
 
     seconds: float
     left: np.ndarray
@@ -44,21 +48,39 @@ class Frame:
 
 @dataclass(frozen=True)
 class Images:
-    """A developed pair, uint16 (H, W) digital numbers of ``bits`` bits: one exposure, or several merged."""
+    """A developed pair, uint16 (H, W) digital numbers of ``bits`` bits: one exposure, or several merged.
+
+    ``left`` and ``right`` of a colour sensor are its grey images, see ``sensor.grey``.
+    """
 
     left: np.ndarray  # rectified, on the truth
     right: np.ndarray
-    detected_left: np.ndarray  # on the sensor; the same unless the lens distorts or the eyes are toed in
-    detected_right: np.ndarray
+    detected_left: np.ndarray  # on the sensor: a colour sensor's mosaic; else the same unless the lens distorts or the
+    detected_right: np.ndarray  # eyes are toed in
     bits: int
     frames: tuple[Frame, ...]  # the exposures, longest first
     exposure_s: float  # of the metered exposure
     gain_dn_per_e: float
-    electron_rate: float  # electrons per second per W/(m² sr)
+    electron_rate: float  # electrons per second per W/(m² sr); of white ground, in the channel that sees most of it
     saturation_radiance: float  # W/(m² sr) at the top of the images; infinite if none reaches it
     saturated: float  # share of the left pixels at the converter's top, in the shortest exposure
     encoding: str
     warnings: tuple[str, ...]  # about blur in the render and about the exposure
+    colour_left: np.ndarray | None = None  # (H, W, 3), R, G, B, rectified; None for a monochrome sensor
+    colour_right: np.ndarray | None = None
+    white_gains: tuple[float, ...] = ()  # factors that the white balance put on R, G, B
+
+    @property
+    def is_mosaic(self) -> bool:
+        """Whether what the sensor detects is a Bayer mosaic."""
+        return self.colour_left is not None
+
+    def seen(self, eye: str) -> np.ndarray:
+        """The image of an eye, rectified: R, G, B (H, W, 3) of a colour sensor, or grey (H, W)."""
+        colours = self.colour_left if eye == "left" else self.colour_right
+        if colours is not None:
+            return colours
+        return self.left if eye == "left" else self.right
 
     def for_matchers(self) -> tuple[np.ndarray, np.ndarray]:
         """Left and right as uint8, the only type that OpenCV's matchers take; more bits are scaled down."""
@@ -68,8 +90,8 @@ class Images:
 def grey(radiance: np.ndarray) -> np.ndarray:
     """Mean of the bands, float64 (H, W), of radiance (H, W, 3).
 
-    A panchromatic camera weights the bands equally; luminance weights belong to the human eye. Icy surfaces are grey,
-    so the choice matters only for coloured objects.
+    A panchromatic camera weights the bands equally; luminance weights belong to the human eye. Clean ice is grey, so
+    the choice matters only for coloured ground, see ``sensor.band_weights``.
     """
     # Twice as fast as mean(), which adds up the short last axis one pixel at a time.
     return (radiance[..., 0].astype(np.float64) + radiance[..., 1] + radiance[..., 2]) / 3
@@ -103,12 +125,14 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
     """
     sensor, rig = settings.sensor, settings.rig
     pitch_m = pixel_pitch_m(sensor, rig)
-    rate = electron_rate(settings.light, sensor, pitch_m)
+    channels = Channels(settings.light, sensor, pitch_m)
+    rate = channels.rate
     lenses = {eye: lens_of(pair.camera, rig, eye) for eye in EYES}
-    scaled = {eye: grey(scaled_radiance(view, pair, settings.light))
+    scaled = {eye: channels.planes(scaled_radiance(view, pair, settings.light))
               for eye, view in (("left", left), ("right", right))}
-    light = {eye: apply_lens(_on_sensor(scaled[eye], pair.camera, lenses[eye]), sensor) for eye in EYES}
-    metered = exposure_s(light["left"], rate, sensor)
+    light = {eye: channels.at_pixels([apply_lens(_on_sensor(plane, pair.camera, lenses[eye]), sensor)
+                                      for plane in scaled[eye]]) for eye in EYES}
+    metered = exposure_s(channels.balanced(light["left"]), rate, sensor)
     times = brackets.exposure_times(metered, sensor)
     seed = int(pair.settings.dataset.seed)
     image = {eye: _exposures(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
@@ -118,17 +142,76 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
         bits, final = int(sensor.bits), {eye: image[eye][0] for eye in EYES}
     else:
         merged = {eye: brackets.merge_exposures(image[eye], times, sensor) for eye in EYES}
-        full_s = brackets.full_rate(merged["left"], times[-1], sensor)
+        full_s = brackets.full_rate(channels.balanced(merged["left"]), times[-1], sensor)
         bits, final = brackets.MERGED_BITS, {eye: brackets.quantise(merged[eye], full_s) for eye in EYES}
     saturated = float(np.mean(image["left"][-1] == top_dn(sensor)))
     detected = final
-    final = {eye: numbers if (lens := lenses[eye]) is None else lens.rectify(numbers)
-             for eye, numbers in detected.items()}
+    colours: dict[str, np.ndarray] = {}
+    if sensor.colour == "BAYER":
+        black = black_dn(sensor) if len(frames) == 1 else 0.0
+        colours = {eye: _rectified(channels.colours(numbers, bits, black), lenses[eye])
+                   for eye, numbers in detected.items()}
+        final = {eye: np.rint(grey_of(image, sensor)).astype(np.uint16) for eye, image in colours.items()}
+    else:
+        final = {eye: _rectified(numbers, lenses[eye]) for eye, numbers in detected.items()}
     return Images(final["left"], final["right"], detected["left"], detected["right"], bits, frames, metered,
                   gain_dn_per_e(sensor), rate, full_s / rate if rate else float("inf"),
                   saturated, str(sensor.encoding),
                   (*developing_warnings(settings, pair.settings, times),
-                   *exposure_warnings(metered, saturated, sensor)))
+                   *exposure_warnings(metered, saturated, sensor)),
+                  colours.get("left"), colours.get("right"), tuple(channels.gains.tolist()) if colours else ())
+
+
+class Channels:
+    """The channels of a sensor: one, or red, green and blue behind a Bayer mosaic."""
+
+    def __init__(self, light: LightSettings, sensor: SensorSettings, pitch_m: float) -> None:
+        self._sensor = sensor
+        self.gains = np.ones(1)
+        if sensor.colour == "MONO" and sensor.band_weights == "EQUAL":
+            self._weights = None
+            self.rate = electron_rate(light, sensor, pitch_m)
+            return
+        rates = channel_rates(light, sensor, pitch_m)
+        white = white_rates(light, rates)
+        #: Electrons per second per W/(m² sr) of white ground, in the channel that sees most of it.
+        self.rate = float(white.max())
+        self._weights = rates / self.rate if self.rate > 0 else np.zeros_like(rates)
+        self.gains = white_gains(white, sensor) if sensor.colour == "BAYER" else self.gains
+
+    def planes(self, radiance: np.ndarray) -> list[np.ndarray]:
+        """Of radiance (H, W, 3) what each channel sees, float64 (H, W), in units of which ``rate`` is per second."""
+        if self._weights is None:
+            return [grey(radiance)]
+        # Infinite light times no response would be no number.
+        red, green, blue = (np.minimum(radiance[..., k].astype(np.float64), 1e30) for k in range(3))
+        return [r * red + g * green + b * blue for r, g, b in self._weights.tolist()]
+
+    def at_pixels(self, planes: list[np.ndarray]) -> np.ndarray:
+        """What the pixels of the sensor see, (H, W), of what its channels see."""
+        return planes[0] if len(planes) == 1 else mosaic(np.stack(planes), self._sensor.bayer_pattern)
+
+    def balanced(self, values: np.ndarray) -> np.ndarray:
+        """Values (H, W) at the pixels of the sensor times the gains of the white balance."""
+        if len(self.gains) == 1:
+            return values
+        gains = self.gains[:, None, None] * np.ones((1, *values.shape))
+        return np.asarray(values * mosaic(gains, self._sensor.bayer_pattern))
+
+    def colours(self, numbers: np.ndarray, bits: int, black: float) -> np.ndarray:
+        """R, G, B, uint16 (H, W, 3), of a mosaic of digital numbers whose black is ``black``, with white balance."""
+        found = demosaic(numbers, bits, self._sensor.bayer_pattern, self._sensor.demosaicing)
+        return np.rint(np.clip((found - black) * self.gains + black, 0.0, 2.0**bits - 1)).astype(np.uint16)
+
+    def matcher_level(self, radiance: np.ndarray, top: float) -> np.ndarray:
+        """The grey image (H, W) of matchers, 1 at its top, without noise; ``top`` is Images.saturation_radiance."""
+        seen = [np.clip(gain * plane / top, 0.0, 1.0)
+                for gain, plane in zip(self.gains, self.planes(radiance), strict=True)]
+        return seen[0] if len(seen) == 1 else grey_of(np.stack(seen, axis=-1), self._sensor)
+
+
+def _rectified(numbers: np.ndarray, lens: Lens | None) -> np.ndarray:
+    return numbers if lens is None else lens.rectify(numbers)
 
 
 def _on_sensor(light: np.ndarray, camera: StereoCamera, lens: Lens | None) -> np.ndarray:
@@ -156,6 +239,7 @@ def exposure_facts(images: Images) -> Mapping[str, Any]:
             "gain_dn_per_e": images.gain_dn_per_e, "electrons_per_s_per_radiance": images.electron_rate,
             "saturation_radiance": images.saturation_radiance if math.isfinite(images.saturation_radiance) else None,
             "saturated": images.saturated,
+            **({"white_gains": list(images.white_gains)} if images.white_gains else {}),
             "image_bits": images.bits, "warnings": list(images.warnings)}
 
 

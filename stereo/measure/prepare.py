@@ -13,6 +13,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...labels import LIGHT_GROUPS, NOT_SEEN
+from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import (
     EYES,
     Pair,
@@ -24,7 +25,7 @@ from ...render.pairs.pair_folder import (
 from ...settings.description import merged
 from ...typed_settings import Settings
 from ..images import colours
-from ..images.develop import Images, develop, exposure_facts, grey, scaled_radiance
+from ..images.develop import Channels, Images, develop, exposure_facts, grey, scaled_radiance
 from ..images.disparity_and_occlusion import ESTIMATED, RAYS, scene_depth
 from ..images.exr import GROUP_PASSES, NORMAL_PASSES, OBJECT_PASSES, Light, View
 from ..images.lens import lens_of
@@ -166,8 +167,10 @@ def _unneeded(eye: str, settings: Settings) -> tuple[str, ...]:
 
 def _noise_free_level(loaded: Loaded, eye: str) -> np.ndarray:
     """An eye's image as the matchers see it, in grey levels of 255, without noise and rounding of the sensor."""
-    radiance = grey(scaled_radiance(loaded.views[eye], loaded.pair, loaded.settings.light))
-    level = np.clip(radiance / loaded.images.saturation_radiance, 0.0, 1.0)
+    settings = loaded.settings
+    channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
+    level = channels.matcher_level(scaled_radiance(loaded.views[eye], loaded.pair, settings.light),
+                                   loaded.images.saturation_radiance)
     return np.asarray(255 * (np.sqrt(level) if loaded.images.encoding == "SQUARE_ROOT" else level))
 
 

@@ -9,6 +9,7 @@ import pytest
 from icymoon.panels.relevance import has_effect, is_shown
 from icymoon.physics.camera.blur import MOTION, blur_of
 from icymoon.physics.camera.brackets import exposure_times
+from icymoon.physics.camera.colour import channel_rates
 from icymoon.physics.camera.particle_hits import draw_hits
 from icymoon.physics.camera.sensor import exposure_s
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
@@ -66,6 +67,18 @@ def test_radiation_and_what_depends_on_nothing_is_never_grey(flux):
     state = {"sensor": {"auto_exposure": False, "brackets": 3, "radiation_flux_cm2_s": flux}}
     shown = {setting.key for setting in TOPICS["sensor"].settings if is_shown("sensor", setting.key, root(**state))}
     assert relevant("sensor", state) == shown - {"auto_percentile", "auto_target"}
+
+
+@pytest.mark.parametrize("colour", ["MONO", "BAYER"])
+@pytest.mark.parametrize(("key", "other"), [
+    ("band_centre_nm", 650.0), ("band_width_nm", 90.0), ("quantum_efficiency", 0.1), ("red_centre_nm", 590.0),
+    ("green_half_width_nm", 20.0), ("blue_efficiency", 0.2), ("filter_leak", 0.2), ("cut_on_nm", 420.0),
+    ("cut_off_nm", 650.0)])
+def test_a_setting_of_glass_or_filters_is_hidden_where_it_changes_no_light(colour, key, other):
+    def rates(**changes):
+        return channel_rates(defaults().light, defaults().sensor | {"colour": colour} | changes, 1e-5).tolist()
+
+    assert is_shown("sensor", key, root(sensor={"colour": colour})) == (rates(**{key: other}) != rates())
 
 
 def test_the_exposure_of_a_motion_is_grey_unless_something_moves():

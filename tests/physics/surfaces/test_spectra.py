@@ -18,7 +18,7 @@ def test_light_goes_as_far_in_pure_ice_as_published():
     (2e-3, 0.884, 0.944, 0.977)])
 def test_snow_is_as_white_as_the_closed_form_of_others(radius_m, red, green, blue):
     # The same formula evaluated by the package snoWoptics 0.99.2 at 630, 544 and 480 nm, three digits.
-    assert snow_reflectance([630.0, 544.0, 480.0], radius_m) == pytest.approx([red, green, blue], abs=6e-4)
+    assert snow_reflectance(np.array([630.0, 544.0, 480.0]), radius_m) == pytest.approx([red, green, blue], abs=6e-4)
 
 
 def test_coarse_snow_is_darker_and_bluer():

@@ -1,0 +1,124 @@
+"""A camera with a colour sensor: what its filters see of a pair's bands, its Bayer mosaic, and demosaicing.
+
+Each pixel of a Bayer mosaic (Bayer 1976, US patent 3971065) is behind a red, green or blue filter. Everything that
+``sensor`` models happens to the mosaic, one number per pixel; after that, the two missing colours of each pixel are
+found from its neighbours.
+
+``sensor`` is the ``sensor`` topic of the settings and ``light`` the topic ``light``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...typed_settings import LightSettings, SensorSettings
+from ..light.bands import band_shares
+from ..light.photons import optics_m2_sr, photons_by_wavelength
+from ..light.sunlight import sun_colour
+
+#: Weights of R, G and B in the grey image that matchers get; the luminance of ITU-R BT.709 is that of linear colours.
+GREY_WEIGHTS = {"LUMINANCE": (0.2126, 0.7152, 0.0722), "MEAN": (1 / 3, 1 / 3, 1 / 3)}
+#: Interpolation of a missing colour, 5 x 5 weights about the pixel, by where its samples are: beside the pixel on all
+#: four sides, on its left and right, above and below, or on its diagonals.
+_Kernels = dict[str, np.ndarray]
+
+
+def _kernels(cross: list[list[float]], row: list[list[float]], diagonal: list[list[float]]) -> _Kernels:
+    return {"cross": np.array(cross), "row": np.array(row), "column": np.array(row).T, "diagonal": np.array(diagonal)}
+
+
+#: BILINEAR: the mean of the nearest samples. MALVAR: with the Laplacian of the pixel's own colour (Malvar, He and
+#: Cutler 2004, ICASSP, III-485). Both find colours that change linearly exactly.
+LINEAR = {
+    "BILINEAR": _kernels(
+        [[0, 0, 0, 0, 0], [0, 0, .25, 0, 0], [0, .25, 0, .25, 0], [0, 0, .25, 0, 0], [0, 0, 0, 0, 0]],
+        [[0, 0, 0, 0, 0], [0, 0, 0, 0, 0], [0, .5, 0, .5, 0], [0, 0, 0, 0, 0], [0, 0, 0, 0, 0]],
+        [[0, 0, 0, 0, 0], [0, .25, 0, .25, 0], [0, 0, 0, 0, 0], [0, .25, 0, .25, 0], [0, 0, 0, 0, 0]]),
+    "MALVAR": _kernels(
+        [[0, 0, -.125, 0, 0], [0, 0, .25, 0, 0], [-.125, .25, .5, .25, -.125], [0, 0, .25, 0, 0], [0, 0, -.125, 0, 0]],
+        [[0, 0, .0625, 0, 0], [0, -.125, 0, -.125, 0], [-.125, .5, .625, .5, -.125], [0, -.125, 0, -.125, 0],
+         [0, 0, .0625, 0, 0]],
+        [[0, 0, -.1875, 0, 0], [0, .25, 0, .25, 0], [-.1875, 0, .75, 0, -.1875], [0, .25, 0, .25, 0],
+         [0, 0, -.1875, 0, 0]])}
+
+
+def filter_efficiency(sensor: SensorSettings, wavelength_m: np.ndarray) -> np.ndarray:
+    """Electrons per photon (channels, n) at wavelengths (n,) within the camera's band: one channel, or R, G, B."""
+    if sensor.colour == "MONO":
+        return np.full((1, len(wavelength_m)), float(sensor.quantum_efficiency))
+    nm = np.asarray(wavelength_m) * 1e9
+    return np.stack([np.minimum(float(sensor[f"{name}_efficiency"]) * 2.0 ** -(
+        (nm - float(sensor[f"{name}_centre_nm"])) / float(sensor[f"{name}_half_width_nm"])) ** 2
+        + float(sensor.filter_leak), 1.0) for name in ("red", "green", "blue")])
+
+
+def channel_rates(light: LightSettings, sensor: SensorSettings, pitch_m: float) -> np.ndarray:
+    """Photo-electrons per second (channels, 3) in a pixel of side ``pitch_m`` per W/(m² sr) in a pair's R, G, B.
+
+    White ground in sunlight has the bands ``sun_colour``, whatever the temperature of the Sun, and of it a channel sees
+    exactly the Sun's black body through its filter.
+    """
+    wavelength, photons = photons_by_wavelength(light, sensor)
+    white = sun_colour(light.sun_temperature_k)
+    seen = filter_efficiency(sensor, wavelength) * photons
+    return np.asarray(optics_m2_sr(sensor, pitch_m) * (seen @ band_shares(wavelength).T) / white)
+
+
+def white_rates(light: LightSettings, rates: np.ndarray) -> np.ndarray:
+    """Electrons per second (channels,) per W/(m² sr) of white ground in sunlight, of which ``rates`` are the bands'."""
+    return np.asarray(rates @ sun_colour(light.sun_temperature_k))
+
+
+def white_gains(white: np.ndarray, sensor: SensorSettings) -> np.ndarray:
+    """Factors (3,) on R, G, B after demosaicing; with SUN white ground becomes grey, and none is below 1."""
+    if sensor.white_balance == "NONE" or not white.min() > 0:
+        return np.ones(3)
+    return np.asarray(white.max() / white)
+
+
+def channel_at(pattern: str, row: int, column: int) -> int:
+    """The channel, 0 to 2 for R, G, B, of a pixel of the mosaic."""
+    return "RGB".index(pattern[2 * (row % 2) + column % 2])
+
+
+def mosaic(planes: np.ndarray, pattern: str) -> np.ndarray:
+    """Of planes (3, H, W) of R, G, B that of each pixel's own filter: (H, W)."""
+    result = np.empty_like(planes[0])
+    for row, column in np.ndindex(2, 2):
+        result[row::2, column::2] = planes[channel_at(pattern, row, column), row::2, column::2]
+    return result
+
+
+def demosaic(numbers: np.ndarray, pattern: str, method: str) -> np.ndarray:
+    """R, G and B, float64 (H, W, 3), of a mosaic (H, W) of at least 3 x 3 pixels, by a method of LINEAR.
+
+    Beyond its border the image goes on as in a mirror at the outermost pixels, which keeps the pattern. Results may be
+    below or above all numbers beside an edge.
+    """
+    image = np.asarray(numbers, np.float64)
+    height, width = image.shape
+    padded = np.pad(image, 2, mode="reflect")
+    result = np.empty((height, width, 3))
+    for row, column in np.ndindex(2, 2):
+        own = channel_at(pattern, row, column)
+        for channel in range(3):
+            if channel == own:
+                result[row::2, column::2, channel] = image[row::2, column::2]
+                continue
+            kernel = LINEAR[method][_samples_at(pattern, row, column, channel)]
+            total = sum(weight * padded[row + dy:height + dy:2, column + dx:width + dx:2]
+                        for (dy, dx), weight in np.ndenumerate(kernel) if weight)
+            result[row::2, column::2, channel] = total
+    return result
+
+
+def _samples_at(pattern: str, row: int, column: int, channel: int) -> str:
+    """Where the samples of another channel are, about a pixel: a key of the kernels."""
+    beside = channel_at(pattern, row, column + 1) == channel
+    above = channel_at(pattern, row + 1, column) == channel
+    return "cross" if beside and above else "row" if beside else "column" if above else "diagonal"
+
+
+def grey_of(colours: np.ndarray, sensor: SensorSettings) -> np.ndarray:
+    """The grey image (H, W) of colours (H, W, 3) that matchers get."""
+    return np.asarray(colours @ np.array(GREY_WEIGHTS[sensor.grey]))
