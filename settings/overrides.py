@@ -351,6 +351,24 @@ class SensorOverrides(TypedDict, total=False):
     band_centre_nm: float  # nm
     band_width_nm: float  # nm
     quantum_efficiency: float
+    band_weights: Literal["EQUAL", "BAND"]
+    colour: Literal["MONO", "BAYER"]
+    bayer_pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"]
+    demosaicing: Literal["BILINEAR", "MALVAR", "EDGE_AWARE"]
+    white_balance: Literal["SUN", "NONE"]
+    grey: Literal["LUMINANCE", "MEAN"]
+    red_centre_nm: float  # nm
+    red_half_width_nm: float  # nm
+    red_efficiency: float
+    green_centre_nm: float  # nm
+    green_half_width_nm: float  # nm
+    green_efficiency: float
+    blue_centre_nm: float  # nm
+    blue_half_width_nm: float  # nm
+    blue_efficiency: float
+    filter_leak: float
+    cut_on_nm: float  # nm
+    cut_off_nm: float  # nm
     full_well_e: float  # e-
     gain: float
     read_noise_e: float  # e-
