@@ -226,12 +226,16 @@ class SurfaceSettings(Table):
     model: Literal["PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE"]
     albedo: float
     lommel_seeliger_share: float
+    ice_colour: Literal["GREY", "SNOW", "EUROPA_PLAINS", "ENCELADUS_PLAINS"]
+    snow_grain_m: float  # m
     albedo_variation: float
     albedo_patch_m: float  # m
     trough_dirt: float
     slope_dirt: float
+    dirt: Literal["BLACK", "EUROPA_DARK", "SULPHUR", "THOLIN"]
     salt_share: float
     salt_patch_m: float  # m
+    salt: Literal["OWN", "EUROPA_SALT", "IRRADIATED_SALT", "SULPHATE_SALTS", "ACID_HYDRATE", "SULPHUR", "EUROPA_DARK"]
     salt_red: float
     salt_green: float
     salt_blue: float

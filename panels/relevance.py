@@ -18,7 +18,7 @@ _PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", 
 #: Surface settings, and the setting that must be above 0 for them to have an effect.
 _SURFACE_NEEDS = {"albedo_patch_m": "albedo_variation", "subsurface_radius_m": "subsurface_weight",
                   "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m", "glint_size_m": "glint_share",
-                  **{f"salt_{key}": "salt_share" for key in ("patch_m", "red", "green", "blue")}}
+                  **{f"salt_{key}": "salt_share" for key in ("patch_m", "red", "green", "blue")}, "salt": "salt_share"}
 _MONOCHROME_ONLY = {"band_centre_nm", "band_width_nm", "band_weights", "quantum_efficiency"}
 _MOSAIC_ONLY = {"bayer_pattern", "demosaicing", "white_balance", "grey", "filter_leak", "cut_on_nm", "cut_off_nm",
                 *(f"{colour}_{key}" for colour in ("red", "green", "blue")
@@ -42,7 +42,9 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
                 "height_scale_m": "HEIGHT_MAP"}
         return bool(group.kind == only[key] if key in only else group.kind != "PROCEDURAL")
     if topic in ("surface", "rock_surface"):
-        models = {"albedo": group.model != "HAPKE", "lommel_seeliger_share": group.model == "LUNAR_LAMBERT"}
+        models = {"snow_grain_m": group.ice_colour == "SNOW",
+                  **dict.fromkeys(("salt_red", "salt_green", "salt_blue"), group.salt == "OWN"),
+                  "albedo": group.model != "HAPKE", "lommel_seeliger_share": group.model == "LUNAR_LAMBERT"}
         return models.get(key, key not in _PRINCIPLED_ONLY or group.model == "PRINCIPLED")
     if topic == "sensor":
         return key not in (_MOSAIC_ONLY if group.colour == "MONO" else _MONOCHROME_ONLY)
@@ -88,6 +90,9 @@ def has_effect(topic: str, key: str, root: Any) -> bool:
     if topic == "rocks" and key != "coverage":
         return bool(group.coverage > 0
                     and (key not in ("cluster_blocks", "cluster_radius_m") or group.clustering > 0))
+    if topic in ("surface", "rock_surface") and key == "dirt":
+        # Rocks have no troughs.
+        return bool(group.slope_dirt != 0 or (topic == "surface" and group.trough_dirt != 0))
     if topic in ("surface", "rock_surface"):
         return bool(key not in _SURFACE_NEEDS or getattr(group, _SURFACE_NEEDS[key]) > 0)
     if topic == "textures" and key in ("width_m", "repeat"):

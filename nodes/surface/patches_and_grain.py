@@ -1,7 +1,7 @@
 """Variation of the ice from place to place: dark patches, dirty troughs and slopes, salt, grains.
 
-Patches, dirt and salt darken clean ice, so that no place is brighter than the albedo. What is switched off gets no
-nodes.
+Patches and black dirt darken clean ice; salt and dirt of a material have their own colour, see ``ground_colour``. What
+is switched off gets no nodes.
 """
 
 from __future__ import annotations
@@ -108,6 +108,26 @@ def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: 
     if surface.albedo_variation > 0.0:
         patches = add_noise(tree, "Patches", geometry.outputs["Position"], surface.albedo_patch_m, fourth, 4.0)
         factors.append(_add_kept(tree, "Patches", patches, surface.albedo_variation))
+    if surface.dirt == "BLACK":
+        factors += _clean_shares(tree, surface, geometry, elevated)
+    return _add_factors(tree, "Brightness", factors)
+
+
+def add_clean_share(tree: Tree, surface: SurfaceSettings, geometry: Any, elevated: bool) -> Any:
+    """Share of the area that dirt leaves free: an output socket, or 1.0 if there is no dirt."""
+    return _add_factors(tree, "Clean Share", _clean_shares(tree, surface, geometry, elevated))
+
+
+def _add_factors(tree: Tree, label: str, factors: Sequence[Any]) -> Any:
+    product: Any = 1.0
+    for k, factor in enumerate(factors):
+        product = factor if k == 0 else tree.math("MULTIPLY", label, product, factor)
+    return product
+
+
+def _clean_shares(tree: Tree, surface: SurfaceSettings, geometry: Any, elevated: bool) -> list[Any]:
+    """Output sockets of the shares of the area that dirt in troughs and dirt on slopes leave free."""
+    factors: list[Any] = []
     if surface.trough_dirt != 0.0 and elevated:
         height = tree.node("ShaderNodeAttribute", "Elevation", attribute_type="GEOMETRY", attribute_name=ELEVATION)
         clean = math.copysign(1.0, surface.trough_dirt)
@@ -118,26 +138,18 @@ def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: 
         ends = (1.0, 1.0 - _STEEP) if surface.slope_dirt > 0 else (1.0 - _STEEP, 1.0)
         slopes = _add_share(tree, "Slope Share", normal.outputs["Z"], *ends)
         factors.append(_add_kept(tree, "Slope", slopes, abs(surface.slope_dirt)))
-    product: Any = 1.0
-    for k, factor in enumerate(factors):
-        product = factor if k == 0 else tree.math("MULTIPLY", "Brightness", product, factor)
-    return product
+    return factors
 
 
 def darkest(surface: SurfaceSettings) -> float:
     """The minimum of the factor of ``add_brightness``."""
-    return float(math.prod(1.0 - abs(surface[key]) for key in ("albedo_variation", "trough_dirt", "slope_dirt")))
+    dirt = ("trough_dirt", "slope_dirt") if surface.dirt == "BLACK" else ()
+    return float(math.prod(1.0 - abs(surface[key]) for key in ("albedo_variation", *dirt)))
 
 
-def add_stain(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
-    """Output socket of the colour factor of salt on the albedo; None if there is no salt."""
+def add_stained_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
+    """Output socket: 1 where salt covers the ground, 0 elsewhere. ``fourth`` selects the field."""
     share = surface.salt_share
-    if share == 0.0:
-        return None
     field = add_noise(tree, "Salt", geometry.outputs["Position"], surface.salt_patch_m, fourth, 4.0)
     threshold = _NOISE_MEAN + _NOISE_DEVIATION * statistics.NormalDist().inv_cdf(min(max(1.0 - share, 1e-4), 1 - 1e-4))
-    stained = _add_share(tree, "Stained", field, threshold - _EDGE, threshold + _EDGE, smooth=True)
-    colour = tuple(surface[f"salt_{band}"] for band in ("red", "green", "blue"))
-    return output(tree.node("ShaderNodeMix", "Salt Colour", {
-        "Factor_Float": stained, "A_Color": (1.0, 1.0, 1.0, 1.0), "B_Color": (*colour, 1.0)},
-        data_type="RGBA", blend_type="MIX", clamp_factor=True, clamp_result=False), "Result_Color")
+    return _add_share(tree, "Stained", field, threshold - _EDGE, threshold + _EDGE, smooth=True)

@@ -1,0 +1,78 @@
+"""The colour of the ground: that of its ice, with salts and dirt mixed by area.
+
+Each pixel of ground is a share of ice, of salt and of dirt side by side, so reflectances add up by their shares. A
+colour here is a factor (R, G, B) on the albedo of clean ice, in the bands of ``physics.light.bands``. What the settings
+do not ask for gets no nodes.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...physics.light.bands import material_bands, snow_bands
+from ...physics.surfaces.albedos import albedos
+from ...typed_settings import Settings, SurfaceSettings
+from ..tree.builder import Tree, output
+from .patches_and_grain import add_clean_share, add_stained_share
+
+_WHITE = (1.0, 1.0, 1.0)
+
+
+def clean_albedo(surface: SurfaceSettings, settings: Settings | None) -> float:
+    """The albedo of clean ice in even light, on which colours are factors; at least 0.001."""
+    found = albedos(surface, settings.hapke) if surface.model == "HAPKE" and settings is not None else None
+    return max(surface.albedo if found is None else found.bond, 1e-3)
+
+
+def ice_tint(surface: SurfaceSettings, albedo: float) -> tuple[float, float, float]:
+    """The colour of clean ice: its mean is 1, so that ``albedo`` stays the mean of the bands, and no band reflects more
+    than all light."""
+    if surface.ice_colour == "GREY":
+        return _WHITE
+    bands = (snow_bands(float(surface.snow_grain_m)) if surface.ice_colour == "SNOW"
+             else material_bands(surface.ice_colour))
+    red, green, blue = (min(3 * band / sum(bands), max(1.0, 1 / albedo)) for band in bands)
+    return red, green, blue
+
+
+def salt_colour(surface: SurfaceSettings, albedo: float) -> tuple[float, float, float]:
+    """The colour of ground that is covered by salt."""
+    if surface.salt == "OWN":
+        red, green, blue = (tint * float(surface[f"salt_{band}"]) for tint, band in zip(
+            ice_tint(surface, albedo), ("red", "green", "blue"), strict=True))
+        return red, green, blue
+    return _over(material_bands(surface.salt), albedo)
+
+
+def add_ground_colour(tree: Tree, surface: SurfaceSettings, geometry: Any, salt_at: float, elevated: bool,
+                      albedo: float) -> Any:
+    """Output socket of the colour of the ground; None if it is that of grey, clean ice.
+
+    ``salt_at`` selects the field of salt, ``elevated`` is whether the mesh has the attribute ``ELEVATION``, and
+    ``albedo`` is that of clean ice.
+    """
+    tint = ice_tint(surface, albedo)
+    colour: Any = None if tint == _WHITE else tint
+    if surface.salt_share > 0.0:
+        stained = add_stained_share(tree, surface, geometry, salt_at)
+        colour = _add_mix(tree, "Salt Colour", stained, tint, salt_colour(surface, albedo))
+    clean = add_clean_share(tree, surface, geometry, elevated) if surface.dirt != "BLACK" else 1.0
+    if clean != 1.0:
+        dirt = _over(material_bands(surface.dirt), albedo)
+        return _add_mix(tree, "Dirt Colour", clean, dirt, tint if colour is None else colour)
+    if isinstance(colour, tuple):
+        return tree.node("ShaderNodeCombineXYZ", "Ice Colour", dict(zip("XYZ", colour, strict=True))).outputs[0]
+    return colour
+
+
+def _over(bands: tuple[float, float, float], albedo: float) -> tuple[float, float, float]:
+    red, green, blue = (band / albedo for band in bands)
+    return red, green, blue
+
+
+def _add_mix(tree: Tree, label: str, share: Any, a: Any, b: Any) -> Any:
+    """Output socket of a colour that is ``b`` in this share of the area, and else ``a``."""
+    a, b = ((*colour, 1.0) if isinstance(colour, tuple) else colour for colour in (a, b))
+    return output(tree.node("ShaderNodeMix", label, {"Factor_Float": share, "A_Color": a, "B_Color": b},
+                            data_type="RGBA", blend_type="MIX", clamp_factor=True, clamp_result=False),
+                  "Result_Color")
