@@ -291,7 +291,8 @@ class RocksSettings(Table):
     """Rocks on the ground."""
 
     __slots__ = ()
-    law: Literal["POWER", "GOLOMBEK"]
+    law: Literal["POWER", "GOLOMBEK", "TABLE"]
+    file: str
     coverage: float
     smallest_m: float  # m
     largest_m: float  # m

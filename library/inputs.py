@@ -18,7 +18,9 @@ from numpy.typing import ArrayLike
 from ..errors import IcyMoonError
 from ..files import write_atomically
 from ..formats.tiff_write import encode_tiff
+from ..physics.rocks.table import COLUMNS, TABLE, covered_share
 from ..render.pairs.our_files import INPUTS
+from ..settings.description import defaults
 
 #: A quantity over the patch: an array, or a function of arrays of east and north coordinates in metres.
 Field = Callable[[np.ndarray, np.ndarray], ArrayLike] | ArrayLike
@@ -98,6 +100,26 @@ def heights_input(field: Field, size_m: float, resolution: int, pixel_m: float |
         "source": {"kind": "HEIGHT_MAP", "metres_per_pixel": pixel_m, "height_scale_m": 1.0, "centre": False,
                    "origin_x_m": (columns - 1) * pixel_m / 2, "origin_y_m": (rows - 1) * pixel_m / 2},
         "terrain": {"size_m": (max(rows, columns) - 1) * pixel_m, "resolution": max(rows, columns)}}
+
+
+def rocks_input(rocks: ArrayLike, size_m: float) -> tuple[Input, dict[str, dict[str, Any]]]:
+    """Rocks (n, 3): places east and north and diameters in metres, as a table, and the settings that go with it.
+
+    Raises IcyMoonError for another shape, numbers that are not finite, and diameters that are not above 0.
+    """
+    try:
+        table = np.asarray(rocks, np.float64)
+    except (TypeError, ValueError):
+        raise IcyMoonError("The rocks are no array of numbers; give (n, 3): x_m, y_m, diameter_m.") from None
+    if table.ndim != 2 or table.shape[1] != len(COLUMNS) or not len(table):
+        raise IcyMoonError(f"The rocks have the shape {table.shape}; give (n, 3): x_m, y_m, diameter_m.")
+    if not np.isfinite(table).all() or (table[:, 2] <= 0).any():
+        raise IcyMoonError("Some rocks have no finite place, or no diameter above 0; leave them out.")
+    lines = [",".join(COLUMNS), *(",".join(map(repr, row)) for row in table.tolist()), ""]
+    stated: dict[str, Any] = {"law": TABLE, "coverage": min(max(covered_share(table, size_m), 1e-6), 0.5)}
+    if len(table) > defaults().rocks.most:
+        stated["most"] = len(table)
+    return Input("rocks.file", "\n".join(lines).encode(), ".csv", f"{len(table)} own rocks"), {"rocks": stated}
 
 
 def albedo_input(field: Field, size_m: float, resolution: int) -> tuple[Input, dict[str, dict[str, Any]]]:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Unpack
 
+from numpy.typing import ArrayLike
+
 from ..errors import IcyMoonError
 from ..render.pairs.pair_folder import is_complete, read_unchanged_pair
 from ..render.plans.planned_pair import expand_headings
@@ -14,7 +16,7 @@ from ..settings import description, user_files
 from ..settings.overrides import Overrides
 from ..settings.toml_text import to_toml
 from ..typed_settings import Settings
-from .inputs import Field, Input, albedo_input, heights_input
+from .inputs import Field, Input, albedo_input, heights_input, rocks_input
 from .rendered_pair import RenderedPair, read_settings
 from .renderers import Hear, Renderer, as_warnings, default_renderer, ignore
 
@@ -94,6 +96,16 @@ class Scene:
         """
         given, stated = albedo_input(albedo, self._settings.terrain.size_m, resolution)
         return self._changed(description.check(stated, "albedo"), {given.setting: given})
+
+    def with_rocks(self, rocks: ArrayLike) -> Scene:
+        """This scene with rocks of your own: an array (n, 3) of places east and north of the origin and diameters, in
+        metres.
+
+        Their shapes, tilt and burial follow the ``rocks`` settings; each rests on the ground. Those off the ground are
+        left out, with a warning. Raises IcyMoonError for an array of another shape, and for what is no rock.
+        """
+        given, stated = rocks_input(rocks, self._settings.terrain.size_m)
+        return self._changed(description.check(stated, "rocks"), {given.setting: given})
 
     def stored(self, dataset: str | Path) -> Settings:
         """The complete settings, with arrays that were given stored as files in a data set (its folder ``inputs``)."""

@@ -14,7 +14,8 @@ from .renderers import Hear, Renderer, ignore
 from .scene import Scene
 
 #: What varies beside settings, and the scene's method that takes it.
-_ARRAYS: dict[str, Callable[[Scene, Any], Scene]] = {"heights": Scene.with_heights, "albedo": Scene.with_albedo}
+_ARRAYS: dict[str, Callable[[Scene, Any], Scene]] = {"heights": Scene.with_heights, "albedo": Scene.with_albedo,
+                                                        "rocks": Scene.with_rocks}
 
 
 @dataclass(frozen=True)
@@ -33,11 +34,11 @@ class Sweep:
     """All combinations of what varies. Iterating renders the pairs that are not there yet and gives each in its turn.
 
     ``vary`` has a sequence of values for each setting that varies, by its name, such as
-    ``{"light.sun_elevation_deg": [5, 20]}``. ``"heights"`` and ``"albedo"`` have functions or arrays by names of
-    yours, such as ``{"heights": {"flat": f, "rough": g}}``, see ``Scene``. The first one varies slowest; put there what
-    takes longest to change, such as heights. Finished pairs are never rendered again: a second run of the same program
-    gives them at once and goes on where the first one was stopped. Raises IcyMoonError for settings that are unknown,
-    and for values that cannot be.
+    ``{"light.sun_elevation_deg": [5, 20]}``. ``"heights"``, ``"albedo"`` and ``"rocks"`` have functions or arrays by
+    names of yours, such as ``{"heights": {"flat": f, "rough": g}}``, see ``Scene``. The first one varies slowest; put
+    there what takes longest to change, such as heights. Finished pairs are never rendered again: a second run of the
+    same program gives them at once and goes on where the first one was stopped. Raises IcyMoonError for settings that
+    are unknown, and for values that cannot be.
     """
 
     def __init__(self, scene: Scene, dataset: str | Path, vary: Mapping[str, Sequence[Any] | Mapping[str, Any]], *,

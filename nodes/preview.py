@@ -28,6 +28,7 @@ from ..settings.description import merged
 from ..typed_settings import Settings
 from . import painted_errors
 from . import scene as scenes
+from .datablocks.blend_file_paths import with_absolute_files
 from .datablocks.fingerprint import TAG, instanced_objects
 from .ground.heights_under import probe_heights
 from .ground.rocks import build_rocks, parts_of
@@ -171,7 +172,7 @@ def _coarse_shapes(settings: Settings) -> tuple[tuple[Shape, ...], ...]:
 
 def _scatter_largest(settings: Settings, positions: np.ndarray) -> Rocks:
     """The largest rocks of the settings, with the coarsest shapes, on a grid of positions (n², 3)."""
-    rocks, rig, size = settings.rocks, settings.rig, float(settings.terrain.size_m)
+    rocks, rig, size = with_absolute_files(settings).rocks, settings.rig, float(settings.terrain.size_m)
     n = round(len(positions) ** 0.5)
     pixel = size / (n - 1)
     heights = positions[:, 2].reshape(n, n)[::-1].astype(np.float64)

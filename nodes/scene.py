@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from pathlib import Path
 from typing import Any
 
 import bpy
@@ -23,6 +24,7 @@ from ..physics.mesh.height_surface import Surface
 from ..physics.rocks.beyond_patch import view_beyond
 from ..physics.rocks.rocks import scatter
 from ..physics.rocks.shapes import make_rock_shapes
+from ..physics.rocks.table import TABLE, read_table
 from ..physics.terrain.terrain import Terrain, terrain_advice
 from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.description import merged
@@ -49,7 +51,7 @@ from .built_scene import (
     find_collection,
     ground_statistics,
 )
-from .datablocks.blend_file_paths import content
+from .datablocks.blend_file_paths import content, with_absolute_files
 from .datablocks.fingerprint import NAME, TAG, built_objects, instanced_objects, parts
 from .ground.heights_under import probe_heights
 from .ground.rocks import build_rocks
@@ -142,7 +144,7 @@ def _site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[
 
 def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tuple[bpy.types.Object, list[str]]:
     """The object whose points are the rocks on the ground, and warnings."""
-    seed, wanted, rig = int(settings.dataset.seed), settings.rocks, settings.rig
+    seed, wanted, rig = int(settings.dataset.seed), with_absolute_files(settings).rocks, settings.rig
     shapes = make_rock_shapes(wanted.family, wanted.angularity, seed)
     with probe_heights(terrain) as height_at:
         view = view_beyond(settings)
@@ -151,9 +153,12 @@ def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -
     item = _tag(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # it has no users if there are no rocks
     warnings = []
-    if rocks.smallest_m > wanted.smallest_m:
+    if rocks.smallest_m > (0.0 if wanted.law == TABLE else wanted.smallest_m):
         warnings.append(f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {wanted.most} rocks; "
                         "raise rocks.most or rocks.smallest_m.")
+    if wanted.law == TABLE and (lost := min(len(read_table(Path(wanted.file))), wanted.most) - len(rocks.diameter_m)):
+        warnings.append(f"{lost} rocks of {wanted.file} are left out, because they are off the ground or closer to the "
+                        "site than rocks.clear_radius_m.")
     if view is not None and rocks.beyond_rad > view.smallest_rad:
         width_px = rocks.beyond_rad * focal_px(rig)
         warnings.append(f"Beyond the patch rocks under {width_px:.2g} px are left out to keep to {wanted.most} rocks; "

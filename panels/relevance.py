@@ -25,6 +25,10 @@ _MOSAIC_ONLY = {"bayer_pattern", "demosaicing", "white_balance", "grey", "filter
                   for key in ("centre_nm", "half_width_nm", "efficiency"))}
 #: Reflectance laws that use ``quality.fine_relief``.
 _WITH_NORMAL = ("LAMBERT", "PRINCIPLED")
+#: Settings of rocks, and the laws of sizes that use them.
+_ROCK_LAWS = {"power_index": ("POWER",), "file": ("TABLE",),
+              **dict.fromkeys(("smallest_m", "largest_m", "clustering", "cluster_blocks", "cluster_radius_m"),
+                              ("POWER", "GOLOMBEK"))}
 _SKY_ANGLES = ("_elevation_deg", "_azimuth_deg", "_diameter_deg", "_wm2", "_flattening")
 
 
@@ -36,7 +40,8 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
     if topic == "mesh":
         return bool(key == "kind" or group.kind == "GRADED")
     if topic == "hills" or (topic, key) == ("rocks", "beyond_px"):
-        return bool(root.source.kind == "PROCEDURAL" and root.mesh.kind == "GRADED")
+        return bool(root.source.kind == "PROCEDURAL" and root.mesh.kind == "GRADED"
+                    and (topic == "hills" or group.law != "TABLE"))
     if topic == "source" and key != "kind":
         only = {"scale": "MESH", "up_axis": "MESH", "repair": "MESH", "metres_per_pixel": "HEIGHT_MAP",
                 "height_scale_m": "HEIGHT_MAP"}
@@ -52,8 +57,8 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
         return bool(group.set == "OWN" if key.endswith("_file") else group.set != "NONE")
     if topic == "light":
         return _is_light_shown(key, group)
-    if topic == "rocks" and key == "power_index":
-        return bool(group.law == "POWER")
+    if topic == "rocks" and key in _ROCK_LAWS:
+        return group.law in _ROCK_LAWS[key]
     if topic == "dataset" and key == "plan":
         return str(group.plan).endswith(".toml")  # the button shows the title of a shipped plan
     if topic == "quality" and key == "fine_relief":

@@ -59,7 +59,7 @@ SECTIONS = (
         "family", "angularity", "elongation", "height_ratio", "tilt_deg", "burial")),
     Section("rocks", "place", "Placement", "Clusters, clear ground, rocks beyond the patch and maximum number", (
         "clustering", "cluster_blocks", "cluster_radius_m", "clear_radius_m", "beyond_px", "most")),
-    _advanced("rocks", "law", "power_index"),
+    _advanced("rocks", "law", "file", "power_index"),
     Section("light", "planet", "Planet", "The planet in the sky and its light", (
         "planet_elevation_deg", "planet_azimuth_deg", "planet_angular_diameter_deg", "planet_flattening",
         "planet_albedo", "planet_phase_law", "planet_face", "planet_spot_longitude_deg", "planet_rings",

@@ -19,6 +19,7 @@ from ..typed_settings import RigSettings, RocksSettings, Settings
 from .camera.stereo_geometry import coarse_advice, ground_row
 from .light.sky import check_body, sky
 from .rocks.size_laws import size_law
+from .rocks.table import TABLE
 from .scene_requirements import surface_topics
 from .surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
 from .surfaces.photometry import hemispherical_albedo
@@ -138,6 +139,8 @@ def _rock_reasons(settings: Settings) -> Iterator[Reason]:
 def refuse_no_rocks(rocks: RocksSettings, size_m: float, size_is: str) -> None:
     """Raise IcyMoonError if ``rocks`` settings contradict each other, or give no rock on a square patch of this side,
     whose setting is called ``size_is``."""
+    if rocks.law == TABLE:
+        return
     number = size_law(rocks).total_per_m2 * size_m**2
     if round(number) == 0:
         raise IcyMoonError(

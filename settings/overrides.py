@@ -226,7 +226,8 @@ class TexturesOverrides(TypedDict, total=False):
 class RocksOverrides(TypedDict, total=False):
     """Changes of ``rocks``."""
 
-    law: Literal["POWER", "GOLOMBEK"]
+    law: Literal["POWER", "GOLOMBEK", "TABLE"]
+    file: str
     coverage: float
     smallest_m: float  # m
     largest_m: float  # m

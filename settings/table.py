@@ -520,7 +520,12 @@ ROCKS = Topic("rocks", "Rocks", "Rocks on the ground", (
     Setting("law", "Size Law", "POWER", "Distribution of the sizes of rocks", "geometry",
             choices=(("POWER", "Power Law", "N(>D) ~ D^-index, as fitted to block counts on Enceladus"),
                      ("GOLOMBEK", "Golombek", "Covered share k exp(-q D), q = 1.79 + 0.152/k per m, k the coverage: "
-                                              "fitted to rocks on Mars, an analogue"))),
+                                              "fitted to rocks on Mars, an analogue"),
+                     ("TABLE", "From a Table", "Places and diameters are those of the file below. Coverage only turns "
+                                               "rocks on, and sizes and clusters have no effect"))),
+    Setting("file", "Table of Rocks", "", "CSV file whose first line names the columns x_m, y_m (east and north of the "
+            "origin) and diameter_m. // is the folder of the .blend file", "geometry", subtype="FILE_PATH",
+            trust="read"),
     _fraction("coverage", "Coverage", 0.0,
               "Share of the ground under rocks, counting overlaps twice; 0 for none. Golombek's law counts rocks of "
               "all sizes, also those that are not made", "geometry", high=0.5),

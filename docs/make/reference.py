@@ -24,6 +24,7 @@ from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import MATCHERS
 from icymoon.version import ROOT
 from mistakes import MISTAKES
+from notebooks import pages as _notebooks
 from python_api import page as _python
 
 #: The first step that must be repeated after a change of a setting, by its effect.
@@ -36,7 +37,7 @@ def pages() -> dict[str, str]:
     return {"reference/settings.md": _settings(), "reference/presets.md": _presets(), "reference/cli.md": _cli(),
             "reference/matchers.md": _matchers(), "reference/operators.md": _operators(),
             "reference/errors.md": _errors(), "reference/python.md": _python(),
-            "reference/requires.md": _requires()}
+            "reference/requires.md": _requires(), **_notebooks()}
 
 
 def _cell(text: str) -> str:

@@ -12,11 +12,13 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from ...files import absolute_path
 from ...typed_settings import RocksSettings
 from ..random_numbers.seeds import generator
 from .beyond_patch import View, draw_beyond
 from .shapes import Shape
 from .size_laws import draw_diameters, size_law
+from .table import TABLE, read_table
 
 #: Height of the ground in metres at arrays of east and north coordinates; NaN where there is none.
 HeightAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -138,19 +140,15 @@ def scatter(rocks: RocksSettings, size_m: float, seed: int, surface: HeightAt,
     ``shapes[level][shape]`` are what to choose from; ``clear_m`` is a circle (east, north, radius)
     that no rock may reach into. A rock lies along the slope under it, and its deepest vertex is at
     or under the deepest ground of its footprint and at or under the ground beneath it: none floats.
-    With a view ``beyond``, rocks also lie outside the patch, and follow those on it.
+    With a view ``beyond``, rocks also lie outside the patch, and follow those on it. With the law TABLE, places and
+    diameters are those of the file ``rocks.file``, whose path is absolute, and there are none outside.
     Raises IcyMoonError if the settings contradict each other.
     """
-    diameter, smallest = draw_diameters(size_law(rocks), size_m**2, int(rocks.most),
-                                        generator(seed, "rocks", _SIZES))
-    n = len(diameter)
-    # Rocks stay on the patch: places are drawn on all of it, then drawn in by half a diameter.
-    xy = draw_places(rocks, n, size_m, generator(seed, "rocks", _PLACES))
-    xy *= np.maximum(1.0 - diameter / size_m, 0.0)[:, None]
-    level = np.searchsorted(LEVEL_RANKS, np.arange(n), side="right")
+    xy, diameter, smallest = _read_places(rocks) if rocks.law == TABLE else _draw_places(rocks, size_m, seed)
+    level = np.searchsorted(LEVEL_RANKS, np.arange(len(diameter)), side="right")
     made = _lay(rocks, xy, diameter, level, generator(seed, "rocks", _POSES), surface, shapes, clear_m)
     made = replace(made, smallest_m=smallest)
-    if beyond is None:
+    if beyond is None or rocks.law == TABLE:
         return made
     drawn = draw_beyond(rocks, size_m, beyond, generator(seed, "rocks", _BEYOND))
     rank = np.argsort(np.argsort(-drawn.angle_rad, kind="stable"))
@@ -160,6 +158,23 @@ def scatter(rocks: RocksSettings, size_m: float, seed: int, surface: HeightAt,
     arrays = {f.name: np.concatenate([getattr(made, f.name), getattr(far, f.name)]) for f in fields(made)
               if f.name not in ("smallest_m", "beyond_rad")}
     return Rocks(**arrays, smallest_m=smallest, beyond_rad=drawn.smallest_rad)
+
+
+def _draw_places(rocks: RocksSettings, size_m: float, seed: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """Places (n, 2) and diameters (n,) that follow the law of sizes, largest first, and the smallest diameter."""
+    diameter, smallest = draw_diameters(size_law(rocks), size_m**2, int(rocks.most),
+                                        generator(seed, "rocks", _SIZES))
+    # Rocks stay on the patch: places are drawn on all of it, then drawn in by half a diameter.
+    xy = draw_places(rocks, len(diameter), size_m, generator(seed, "rocks", _PLACES))
+    xy *= np.maximum(1.0 - diameter / size_m, 0.0)[:, None]
+    return xy, diameter, smallest
+
+
+def _read_places(rocks: RocksSettings) -> tuple[np.ndarray, np.ndarray, float]:
+    """The same of the user's table; the smallest diameter is 0 unless some rocks are left out."""
+    table = read_table(absolute_path(rocks.file, "rocks.file"))
+    kept = table[:int(rocks.most)]
+    return kept[:, :2].copy(), kept[:, 2].copy(), float(kept[-1, 2]) if 0 < len(kept) < len(table) else 0.0
 
 
 def _lay(rocks: RocksSettings, xy: np.ndarray, diameter: np.ndarray, level: np.ndarray, random: np.random.Generator,

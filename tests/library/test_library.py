@@ -21,6 +21,7 @@ from icymoon.formats.tiff_write import encode_tiff
 from icymoon.library.inputs import albedo_input, heights_input
 from icymoon.library.renderers import Hear
 from icymoon.physics.mesh.height_map import place_map
+from icymoon.physics.rocks.table import read_table
 from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import overrides
@@ -113,6 +114,17 @@ def test_albedos_keep_their_mean_and_range():
         Scene().with_albedo(albedo + 0.5)
     with pytest.raises(IcyMoonError, match="each band"):
         Scene().with_albedo(np.zeros((4, 4, 2)))
+
+
+def test_rocks_are_a_table(tmp_path):
+    scene = Scene().with_rocks([[1.0, 2.0, 0.5], [0.1, 0.2, 1 / 3]])
+    stored = scene.stored(tmp_path)
+    assert read_table(Path(stored.rocks.file)).tolist() == [[1.0, 2.0, 0.5], [0.1, 0.2, 1 / 3]]
+    assert stored.rocks.coverage > 0
+    assert "2 own rocks" in repr(scene)
+    for rocks, words in (([1, 2, 3], "shape"), ([[1, 2, 0]], "above 0"), ("rocks", "no array")):
+        with pytest.raises(IcyMoonError, match=words):
+            Scene().with_rocks(rocks)
 
 
 def test_arrays_are_stored_once_and_named_after_their_content(tmp_path):

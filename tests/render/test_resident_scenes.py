@@ -94,6 +94,24 @@ def test_own_heights_and_albedo_are_where_they_were_put(tmp_path):
 
 
 
+def test_own_rocks_are_seen_where_they_were_put(tmp_path):
+    scene = Scene(**TINY | {
+        "rig": {"width_px": 96, "height_px": 72, "height_m": 12.0, "pitch_deg": 89.0},
+        "quality": {"samples": 1, "threads": 1, "truth": "FULL"}}).with_heights(lambda x, y: 0 * x)
+    rocks = np.array([[2.0, 1.0, 1.5], [-3.0, 2.0, 2.0], [30.0, 0.0, 1.0]])
+    with icymoon.InProcess() as here, pytest.warns(UserWarning, match="1 rocks of"):
+        pair = scene.with_rocks(rocks).render(tmp_path, renderer=here)
+    x, y, _ = np.moveaxis(points_of(pair), -1, 0)
+    rock = pair.left.semantic == 2
+    for east, north, diameter in rocks[:2]:
+        mine = rock & (np.hypot(x - east, y - north) < diameter)
+        assert np.hypot(x[mine].mean() - east, y[mine].mean() - north) < 0.2 * diameter
+        # As wide as stated, by the area of its outline: shapes have that of a circle of the diameter, from above.
+        pixel_m2 = (12.0 / pair.camera.focal_px) ** 2
+        assert mine.sum() * pixel_m2 == pytest.approx(np.pi / 4 * diameter**2, rel=0.5)
+    assert rock.sum() == sum((rock & (np.hypot(x - e, y - n) < d)).sum() for e, n, d in rocks[:2])
+
+
 def test_a_window_is_not_closed_by_a_render(monkeypatch):
     from icymoon.render import resident_scenes
 
