@@ -223,7 +223,7 @@ class SurfaceSettings(Table):
     """Snow or ice that the ground is made of."""
 
     __slots__ = ()
-    model: Literal["PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE"]
+    model: Literal["PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE", "SNOW"]
     albedo: float
     lommel_seeliger_share: float
     ice_colour: Literal["GREY", "SNOW", "EUROPA_PLAINS", "ENCELADUS_PLAINS"]

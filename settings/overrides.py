@@ -161,7 +161,7 @@ class MantleOverrides(TypedDict, total=False):
 class SurfaceOverrides(TypedDict, total=False):
     """Changes of ``surface``."""
 
-    model: Literal["PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE"]
+    model: Literal["PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE", "SNOW"]
     albedo: float
     lommel_seeliger_share: float
     ice_colour: Literal["GREY", "SNOW", "EUROPA_PLAINS", "ENCELADUS_PLAINS"]
@@ -250,7 +250,7 @@ class RocksOverrides(TypedDict, total=False):
 class RockSurfaceOverrides(TypedDict, total=False):
     """Changes of ``rock_surface``."""
 
-    model: Literal["PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE"]
+    model: Literal["PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE", "SNOW"]
     albedo: float
     lommel_seeliger_share: float
     ice_colour: Literal["GREY", "SNOW", "EUROPA_PLAINS", "ENCELADUS_PLAINS"]

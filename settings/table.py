@@ -360,7 +360,10 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
                      ("LUNAR_LAMBERT", "Lunar-Lambert", "A mixture of Lommel-Seeliger and Lambert, as used for mosaics "
                       "of moons. No phase function and no opposition surge. Costs little more than Lambert"),
                      ("HAPKE", "Hapke", "Particulate ice with phase function, opposition surge and roughness, see the "
-                      "Hapke panel. No gloss. Costs 1.2 times Lambert with OSL, 1.8 times without"))),
+                      "Hapke panel. No gloss. Costs 1.2 times Lambert with OSL, 1.8 times without"),
+                     ("SNOW", "Snow (Measured)", "Reflectance of snow on Earth as it was measured: brighter against "
+                      "the light. Within about 5 % for a Sun at least 20 degrees high, seen at most 60 degrees from "
+                      "the normal. No gloss, no opposition surge. Costs little more than Lambert"))),
     _fraction("albedo", "Albedo (Brightness)", 0.9,
               "Share of the light that clean, flat ice reflects under uniform light from all directions",
               "material"),

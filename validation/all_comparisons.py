@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from . import moon_albedos, other_codes, whole_disc
+from . import moon_albedos, other_codes, snow_law, whole_disc
 from .comparison import Comparison
 
 COMPARISONS: tuple[Comparison, ...] = (
-    moon_albedos.COMPARISON, other_codes.COMPARISON, whole_disc.COMPARISON)
+    moon_albedos.COMPARISON, other_codes.COMPARISON, whole_disc.COMPARISON, snow_law.COMPARISON)

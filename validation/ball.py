@@ -23,7 +23,7 @@ from .comparison import Bench
 
 #: Height of camera and Sun; both must be above the horizon, which hides the Sun from all ground.
 _HEIGHT_DEG = 2.0
-_FOCAL_MM, _WIDTH_M = 5000.0, 2.2
+_WIDTH_M = 2.2
 _RINGS = 180
 
 
@@ -85,12 +85,13 @@ def render_ball(bench: Bench, surface: Sequence[Settings], phases_deg: Sequence[
 
 def _describe(surface: Settings, mesh: Path, phase_deg: float, distance: float, pixels: int, samples: int) -> Settings:
     height, phase = math.radians(_HEIGHT_DEG), math.radians(phase_deg)
+    focal_mm = min(5000.0, 20.0 * distance / _WIDTH_M)  # a sensor of 20 mm, or the longest lens
     cosine = (math.cos(phase) - math.sin(height) ** 2) / math.cos(height) ** 2
     return merged(defaults(), surface, check({
         "source": {"kind": "MESH", "file": str(mesh), "centre": False, "up_axis": "Z"},
         "rig": {"y_m": -distance * math.cos(height), "height_m": distance * math.sin(height),
-                "pitch_deg": _HEIGHT_DEG, "heading_deg": 0.0, "focal_length_mm": _FOCAL_MM,
-                "sensor_width_mm": _WIDTH_M / distance * _FOCAL_MM, "width_px": pixels, "height_px": pixels,
+                "pitch_deg": _HEIGHT_DEG, "heading_deg": 0.0, "focal_length_mm": focal_mm,
+                "sensor_width_mm": _WIDTH_M / distance * focal_mm, "width_px": pixels, "height_px": pixels,
                 "baseline_m": 0.001},
         "light": {"sun_elevation_deg": _HEIGHT_DEG,
                   "sun_azimuth_deg": 180.0 - math.degrees(math.acos(min(max(cosine, -1.0), 1.0))),

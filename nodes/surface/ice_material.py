@@ -140,6 +140,8 @@ def _add_law(material: bpy.types.Material, surface: SurfaceSettings, settings: S
     if settings is None:
         raise ValueError(f"{surface.model} depends on the direction of the Sun; pass the settings of the scene.")
     sun = Sun.from_settings(settings.light)
+    if surface.model == "SNOW":
+        return {"ALL": reflectance_laws.add_snow(ground, surface.albedo, sun)}
     if surface.model != "HAPKE":
         share = 1.0 if surface.model == "LOMMEL_SEELIGER" else surface.lommel_seeliger_share
         return {"ALL": reflectance_laws.add_lunar_lambert(ground, surface.albedo, share, sun)}

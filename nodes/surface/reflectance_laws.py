@@ -29,6 +29,7 @@ import numpy as np
 from ... import compat
 from ...errors import IcyMoonError
 from ...physics.surfaces import hapke as model
+from ...physics.surfaces import snow
 from ...physics.surfaces.photometry import Law, hemispherical_fit, lunar_lambert_normal_albedo
 from ...typed_settings import HapkeSettings, Settings
 from ..tree.builder import Tree
@@ -178,6 +179,26 @@ def add_lunar_lambert(ground: Ground, albedo: float, share: float, sun: Sun) -> 
     seeliger = (2.0 * share) / (mu0 + mu).at_least(1e-6)
     lit = (seeliger + (1.0 - share)) * (bond * lunar_lambert_normal_albedo(1.0, share))
     return _add_lit_or_not(ground, mu0, lit, bond)
+
+
+def add_snow(ground: Ground, albedo: float, sun: Sun) -> Any:
+    """Shader socket of ``physics.surfaces.snow``. Light of ground in shadow gets the albedo of the emission angle."""
+    n, toward_sun, eye = _add_sight(ground, sun)
+    mu0, mu = n.dot(toward_sun).at_least(0.0).named("µ0"), n.dot(eye).at_least(0.0).named("µ")
+    both = (mu0 + mu).at_least(snow.LEAST_COSINES)
+    half_phase = toward_sun.distance(eye).arctan2((toward_sun + eye).length()).named("g/2")
+    white = both * snow.LINEAR + snow.LEVEL + mu0 * mu * snow.PRODUCT
+    for amplitude, decay in snow.PHASE:
+        white = (half_phase * math.degrees(2 * decay)).exp() * (amplitude * math.exp(-180.0 * decay)) + white
+    white = (white / (both * 4.0)).named("R0")
+    left = (Number(ground.tree, ground.grey) * albedo).at_least(1e-6).log().named("ln albedo")
+
+    def escape(cosine: Number) -> Number:
+        return cosine.times_plus(6 / 7, 3 / 7)
+
+    seen = left * escape(mu)
+    lit = (seen * escape(mu0) / white).exp() * white
+    return _add_lit_or_not(ground, mu0, lit, seen.exp())
 
 
 @lru_cache(maxsize=64)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 from ...typed_settings import HapkeSettings, SurfaceSettings
 from . import photometry
 from .hapke import HapkeParameters, bidirectional_reflectance, from_settings
+from .snow import snow_law
 
 
 class Albedos(NamedTuple):
@@ -25,6 +26,8 @@ def law_of(surface: SurfaceSettings, hapke: HapkeSettings) -> photometry.Law | N
         return None
     if surface.model == "HAPKE":
         return partial(bidirectional_reflectance, parameters=from_settings(hapke))
+    if surface.model == "SNOW":
+        return snow_law(surface.albedo)
     share = {"LAMBERT": 0.0, "LOMMEL_SEELIGER": 1.0}.get(surface.model, surface.lommel_seeliger_share)
     return photometry.lunar_lambert(surface.albedo, share)
 

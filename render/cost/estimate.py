@@ -45,7 +45,8 @@ _FACETS, _FACETS_POWER, _FACETS_GRID, _ROCK_LABELS, _REST = 10.8, -1.21, 0.9, 1.
 _DOUBLE_WIDTH = 0.982
 #: Cost of a sample over that with Lambert's law and shaded relief, without the relief. Bounces count for little: on
 #: open ground most paths end in the sky.
-_MODELS = {"LAMBERT": 0.75, "LOMMEL_SEELIGER": 0.75, "LUNAR_LAMBERT": 0.8, "PRINCIPLED": 0.95, "HAPKE": 2.65}
+_MODELS = {"LAMBERT": 0.75, "LOMMEL_SEELIGER": 0.75, "LUNAR_LAMBERT": 0.8, "PRINCIPLED": 0.95, "HAPKE": 2.65,
+           "SNOW": 0.8}
 _HAPKE_NODES, _HAPKE_REFERENCE = 1.15, 3.45
 _RELIEF, _RELIEF_CAMERA = 0.25, 0.21  # added by shaded relief, and where the camera alone meets it
 _TRANSMISSION, _IMAGES, _ROCKS = 0.3, 2.9, 0.6  # added by clear ice, images on the ground and rocks

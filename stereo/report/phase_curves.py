@@ -42,6 +42,7 @@ def _law_name(surface: SurfaceSettings, hapke: HapkeSettings) -> str:
         return ""
     if surface.model != "HAPKE":
         share = f", {surface.lommel_seeliger_share:g} Lommel-Seeliger" if surface.model == "LUNAR_LAMBERT" else ""
+        share = f", albedo {surface.albedo:g}" if surface.model == "SNOW" else share
         return surface.model.replace("_", "-").title() + share
     keys = ("w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "theta_bar_deg")
     return "Hapke " + ", ".join(f"{key} {hapke[key]:g}" for key in keys if key == "w" or hapke[key] != 0.0)

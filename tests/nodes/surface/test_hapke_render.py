@@ -12,7 +12,7 @@ from icymoon import compat
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.surface import reflectance_laws, sun_inputs
-from icymoon.physics.surfaces import photometry
+from icymoon.physics.surfaces import photometry, snow
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from icymoon.render import cycles_settings
 from icymoon.render.pairs.pair_folder import Pair
@@ -184,6 +184,15 @@ def test_the_other_laws(tmp_path):
     for model, share in (("LAMBERT", 0.0), ("LOMMEL_SEELIGER", 1.0), ("LUNAR_LAMBERT", 0.3)):
         pair, _ = picture(tmp_path, {"surface": {"model": model, "albedo": 0.4, "lommel_seeliger_share": 0.3}})
         assert np.quantile(errors(pair, photometry.lunar_lambert(0.4, share)), 0.999) < SMOOTH
+
+
+@pytest.mark.parametrize("case", [(0.9, 60.0), *slow((0.3, 20.0), (1.0, 4.0))])
+def test_the_snow_law(tmp_path, case):
+    albedo, elevation_deg = case
+    pair, _ = picture(tmp_path, {"surface": {"model": "SNOW", "albedo": albedo},
+                                 "light": {"sun_elevation_deg": elevation_deg}})
+    # Exponentials of up to 16 in single precision, where the phase angle is large.
+    assert np.quantile(errors(pair, snow.snow_law(albedo)), 0.999) < SMOOTH + 2e-6
 
 
 @BOTH

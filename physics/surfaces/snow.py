@@ -1,0 +1,59 @@
+"""Reflectance of snow by asymptotic radiative transfer: bright snow on Earth, as it was measured.
+
+Source: Kokhanovsky and Zege 2004, Applied Optics 43, 1589, with the constants of measured snow in the reflectance of a
+layer that absorbs nothing. Snow whose grains absorb follows from that by its spherical albedo alone.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .photometry import Array, Law
+
+#: Constants of the reflectance without absorption: A, B and C, then the amplitude and the decay per degree of the two
+#: parts of the phase function.
+LEVEL, LINEAR, PRODUCT = 1.247, 1.186, 5.157
+PHASE = ((11.1, 0.087), (1.1, 0.014))
+#: Least sum of the cosines of incidence and emission. Below it the formula, which is not meant for so grazing angles,
+#: grows without limit.
+LEAST_COSINES = 0.2
+#: Largest angles, in degrees, for which the law is within about 5 % of measurements, off the principal plane.
+LARGEST_INCIDENCE_DEG, LARGEST_EMISSION_DEG = 70.0, 60.0
+
+
+def escape(mu: Any) -> Array:
+    """Escape function K of a cosine, which is 1 in the mean over the hemisphere: (3/7)(1 + 2µ)."""
+    return np.asarray(3 / 7 * (1 + 2 * np.asarray(mu, np.float64)))
+
+
+def reflectance_factor(incidence: Any, emission: Any, azimuth: Any, albedo: Any) -> Array:
+    """Radiance over that of a white Lambert surface in the same light; angles in radians, azimuth 0 on the Sun's side.
+
+    ``albedo`` is the spherical albedo, the share of light from all sides that is reflected. 0 where the Sun or the
+    observer is below the surface.
+
+    Measured to hold within about 5 % for i up to 70 and e up to 60 degrees, off the principal plane. With an
+    albedo of 1 it returns 2 % more light than it receives where the Sun is 10 degrees high, and 8 % at 1 degree.
+    """
+    i, e, psi = (np.asarray(angle, np.float64) for angle in (incidence, emission, azimuth))
+    mu0, mu = np.cos(i), np.cos(e)
+    cos_phase = np.clip(mu0 * mu + np.sin(i) * np.sin(e) * np.cos(psi), -1.0, 1.0)
+    scattering_deg = 180.0 - np.degrees(np.arccos(cos_phase))
+    lit = (mu0 > 0) & (mu >= 0)
+    both = np.maximum(mu0 + mu, LEAST_COSINES)
+    phase = sum(amplitude * np.exp(-decay * scattering_deg) for amplitude, decay in PHASE)
+    white = (LEVEL + LINEAR * both + PRODUCT * mu0 * mu + phase) / (4 * both)
+    absorbed = np.asarray(albedo, np.float64) ** (escape(mu0) * escape(mu) / white)
+    return np.asarray(np.where(lit, white * absorbed, 0.0))
+
+
+def snow_law(albedo: Any) -> Law:
+    """The law as bidirectional reflectance r in 1/sr, see ``photometry``; ``albedo`` is the spherical albedo."""
+
+    def law(incidence: Array, emission: Array, azimuth: Array) -> Array:
+        r: Array = reflectance_factor(incidence, emission, azimuth, albedo) * np.cos(incidence) / np.pi
+        return r
+
+    return law
