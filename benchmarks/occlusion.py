@@ -1,6 +1,6 @@
 """Which hidden pixels are found, which are false, and what it costs, against a ray caster of its own.
 
-    python benchmarks/occlusion.py [PRESET [QUALITY [WIDTH]]]
+    python benchmarks/occlusion.py [PRESET [QUALITY [WIDTH [MORE_PRESETS...]]]]
 
 From the left eye's true depth a ray goes from the right eye to the point of each pixel, through Blender's own
 bounding-volume hierarchy and not through Cycles: a point is hidden if that ray meets something whose disparity is
@@ -36,7 +36,7 @@ from icymoon.settings import description, preset_files
 from icymoon.stereo.images.exr import read_depth
 from other_rays import cast_from_other_eye, tree_of_scene
 
-TOLERANCES_PX = (0.05, 0.1, 0.15, 0.2, 0.25, 0.5)
+TOLERANCES_PX = (0.1, 0.25, 0.5)
 _NEARER_PX = 0.01
 _OTHERS = dict(zip(EYES, reversed(EYES), strict=True))
 
@@ -53,16 +53,18 @@ def both_columns(disparity: np.ndarray, other: np.ndarray, eye: str) -> np.ndarr
 
 def main(arguments: list[str]) -> None:
     """Print the table."""
-    preset, quality, width = (*arguments, *("europa_rough_ice", "draft", "640")[len(arguments):])
+    preset, quality, width = (*arguments[:3], *("europa_rough_ice", "draft", "640")[len(arguments):])
     icymoon.register()
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     settings = description.merged(
         description.defaults(), preset_files.load_preset(preset), preset_files.load_preset(f"qualities/{quality}"),
+        *map(preset_files.load_preset, arguments[3:]),
         {"rig": {"width_px": int(width), "height_px": int(width) * 3 // 4}, "quality": {"threads": 1}})
     built = build(bpy.context.scene, settings)
     pair, own, between, cost = _render(built, settings)
-    rays = {1: own, 2: {eye: np.stack([own[eye], between[eye]], axis=-1).reshape(len(own[eye]), -1) for eye in EYES}}
-    tree = tree_of_scene()
+    rays = {number: {eye: np.stack([own[eye], *between[eye]][::4 // number], axis=-1)
+                     .reshape(len(own[eye]), -1) for eye in EYES} for number in (1, 2, 4)}
+    tree = tree_of_scene(pair)
     met = {eye: cast_from_other_eye(tree, pair, eye, own[eye]) for eye in EYES}
     truth: Masks = {}
     far: Masks = {}
@@ -71,8 +73,8 @@ def main(arguments: list[str]) -> None:
         with np.errstate(invalid="ignore"):
             truth[eye] = inside & (met[eye] > own[eye] + _NEARER_PX)
             far[eye] = inside & (met[eye] > own[eye] + 1.0)
-    print(f"{preset}, {quality}, {width} px: hidden {_percent(truth, None):.3f} %, by more than 1 px "
-          f"{_percent(far, None):.3f} %")
+    print(f"{' '.join((preset, *arguments[3:]))}, {quality}, {width} px: hidden {_percent(truth, None):.3f} %, "
+          f"by more than 1 px {_percent(far, None):.3f} %")
     print(f"{'rays a pixel':14}{'nearer by':>10}{'found':>9}{'> 1 px':>9}{'false':>9}{'CPU':>7}")
 
     def line(name: str, tolerance: str, masks: Masks, cost: float | None = None) -> None:
@@ -85,7 +87,7 @@ def main(arguments: list[str]) -> None:
         columns._NEARER_PX = tolerance
         line(str(number), f"{tolerance:g}",
              {eye: find_hidden(own[eye], rays[number][other], eye) for eye, other in _OTHERS.items()},
-             cost if number == 2 else None)
+             cost if number == 4 else None)
 
 
 def _percent(masks: Masks, of: Masks | None) -> float:
@@ -94,16 +96,16 @@ def _percent(masks: Masks, of: Masks | None) -> float:
     return float(100 * sum((masks[eye] & among[eye]).sum() for eye in EYES) / sum(among[eye].sum() for eye in EYES))
 
 
-def _render(built: Built, settings: Any) -> tuple[Pair, Masks, Masks, float]:
+def _render(built: Built, settings: Any) -> tuple[Pair, Masks, dict[str, list[np.ndarray]], float]:
     """A pair, the disparity of its pixels and of the rays between them, and the ratio of the processor time that these
     take to that of all the rest, the least of two."""
-    found: Masks = {}
+    found: dict[str, list[np.ndarray]] = {}
     spent = 0.0
     add_hidden, shift_frame = occlusion.add_hidden, render_pair.shift_frame
 
     def add(truth: Any, between: Any, camera: Any) -> None:
         nonlocal spent
-        found.update({eye: occlusion._read_disparity(file.read_bytes(), camera) for eye, file in between.items()})
+        found.update(between)
         start = time.process_time()
         add_hidden(truth, between, camera)
         spent += time.process_time() - start

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -13,28 +13,28 @@ from ..labels import HIDDEN, SKY_DEPTH_M, TRUTH
 from ..physics.camera.occlusion import find_hidden
 from .pairs.pair_folder import EYES, StereoCamera
 
-#: From a pixel's centre to the ray between it and the next one. ``benchmarks/occlusion.py`` has what more rays find.
-STEP_PX = 0.5
+#: From a pixel's centre to the rays between it and the next one. ``benchmarks/occlusion.py`` has what more rays find.
+STEPS_PX = (0.25, 0.5, 0.75)
 
 
-def add_hidden(truth: Mapping[str, Path], between: Mapping[str, Path], camera: StereoCamera) -> None:
+def add_hidden(truth: Mapping[str, Path], between: Mapping[str, Sequence[np.ndarray]], camera: StereoCamera) -> None:
     """Write the pass ``HIDDEN`` into the files of the truth, by eye: 1 where the point is hidden from the other.
 
-    ``between`` are files, by eye, of the depth in a frame that is STEP_PX to the right. Raises ValueError, IndexError,
-    KeyError, struct.error or zlib.error for a file that Blender did not write.
+    ``between`` are the disparities, by eye, in frames that are each of STEPS_PX to the right. Raises ValueError,
+    IndexError, KeyError, struct.error or zlib.error for a file that Blender did not write.
     """
     data = {eye: truth[eye].read_bytes() for eye in EYES}
-    disparity = {eye: _read_disparity(data[eye], camera) for eye in EYES}
+    disparity = {eye: read_disparity(data[eye], camera) for eye in EYES}
     for eye, other in zip(EYES, reversed(EYES), strict=True):
-        rays = np.stack([disparity[other], _read_disparity(between[other].read_bytes(), camera)], axis=-1)
+        rays = np.stack([disparity[other], *between[other]], axis=-1)
         hidden = find_hidden(disparity[eye], rays.reshape(len(rays), -1), eye)
         pieces = [strip_passing(piece, TRUTH) for piece in read_pieces(data[eye])]
         hidden_piece = Pixels(pieces[0]).replace_channels(f"{TRUTH}.{HIDDEN}", ("X",), hidden[:, None])
         truth[eye].write_bytes(assemble([*pieces, hidden_piece]))
 
 
-def _read_disparity(data: bytes, camera: StereoCamera) -> np.ndarray:
-    """Disparity (H, W), px, of the depth in an EXR file, NaN for sky."""
+def read_disparity(data: bytes, camera: StereoCamera) -> np.ndarray:
+    """Disparity (H, W), px, of the depth in an EXR file, NaN for sky. Raises what ``add_hidden`` does."""
     for piece in read_pieces(data):
         pixels = Pixels(piece)
         for k, name in enumerate(pixels.channels):

@@ -191,7 +191,8 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
         # What moves during a render is not kept from one to the next, nor are surfaces that change between them.
         scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system
                                             and _triangle_count(built) <= MOST_KEPT_TRIANGLES)
-        truths = sum(layer == TRUTH for take in takes for layer, _ in take.images) + (not _depth_alone(planned))
+        truths = (sum(layer == TRUTH for take in takes for layer, _ in take.images)
+                  + (0 if _depth_alone(planned) else len(occlusion.STEPS_PX)))
         with watch_samples(len(lights) * int(settings.quality.samples), truths, report) as sampling:
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
@@ -238,13 +239,18 @@ def _render_truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair, came
         _run_cycles(scene, files, planned)
         if toed or _depth_alone(planned):
             return files
-        between = passes.choose_layer(scene, TRUTH, stem.with_name(f"{stem.name}-between"), True)
-        with shift_frame(scene, occlusion.STEP_PX):
-            _run_cycles(scene, between, planned)
+        between: dict[str, list[np.ndarray]] = {eye: [] for eye in files}
+        shifted = passes.choose_layer(scene, TRUTH, stem.with_name(f"{stem.name}-between"), True)
+        for step in occlusion.STEPS_PX:
+            with shift_frame(scene, step):
+                _run_cycles(scene, shifted, planned)
+            with explain_disk_errors("write", stem), _report_unreadable(planned):
+                for eye, file in shifted.items():
+                    # In single precision: millions of pixels have four numbers each here.
+                    between[eye].append(occlusion.read_disparity(file.read_bytes(), camera).astype(np.float32))
+                    system.remove(file)
     with explain_disk_errors("write", stem), _report_unreadable(planned):
         occlusion.add_hidden(files, between, camera)
-        for file in between.values():
-            system.remove(file)
     return files
 
 

@@ -9,8 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 #: Disparity, px, by which an occluder must be nearer. Between two rays of the other eye disparity is taken as linear,
-#: and on curved ground and at edges it is not. ``benchmarks/occlusion.py`` has what this and other numbers find.
+#: and on curved ground it is not. ``benchmarks/occlusion.py`` has what this and other numbers find.
 _NEARER_PX = 0.25
+#: The same, as a share of the difference between the two rays. Where one ray meets the occluder and one passes it, the
+#: edge is somewhere between them; a quarter of the way from the ray that passes is taken as outside.
+_NEARER_SHARE = 0.25
 
 
 def matching_column(disparity: np.ndarray, eye: str = "left") -> np.ndarray:
@@ -20,12 +23,16 @@ def matching_column(disparity: np.ndarray, eye: str = "left") -> np.ndarray:
 
 def warped(image: np.ndarray, column: np.ndarray) -> np.ndarray:
     """``image`` (H, W) interpolated linearly at fractional columns (H, any); constant beyond the edges."""
+    before, after, weight = _neighbours(image, column)
+    return np.asarray((1 - weight) * before + weight * after)
+
+
+def _neighbours(image: np.ndarray, column: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The pixels of ``image`` before and after fractional columns, and how far these are from the first, 0 to 1."""
     column = np.clip(np.nan_to_num(column, nan=0.0), 0.0, image.shape[1] - 1.0)
-    before = np.floor(column).astype(np.intp)
-    weight = column - before
-    after = np.minimum(before + 1, image.shape[1] - 1)
-    return np.asarray((1 - weight) * np.take_along_axis(image, before, axis=1)
-                      + weight * np.take_along_axis(image, after, axis=1))
+    first = np.floor(column).astype(np.intp)
+    second = np.minimum(first + 1, image.shape[1] - 1)
+    return np.take_along_axis(image, first, axis=1), np.take_along_axis(image, second, axis=1), column - first
 
 
 def is_in_frame(column: np.ndarray) -> np.ndarray:
@@ -44,6 +51,8 @@ def find_hidden(disparity: np.ndarray, other: np.ndarray, eye: str) -> np.ndarra
     On a plane, disparity is an affine function of the column, so it does not hide itself, however steep it is.
     """
     column = matching_column(disparity, eye)
-    nearest = warped(np.nan_to_num(other, nan=0.0), column * (other.shape[1] // disparity.shape[1]))
+    before, after, weight = _neighbours(np.nan_to_num(other, nan=0.0),
+                                        column * (other.shape[1] // disparity.shape[1]))
+    nearer = np.maximum(_NEARER_PX, _NEARER_SHARE * np.abs(after - before))
     with np.errstate(invalid="ignore"):
-        return is_in_frame(column) & (nearest > disparity + _NEARER_PX)
+        return is_in_frame(column) & ((1 - weight) * before + weight * after > disparity + nearer)

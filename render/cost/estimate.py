@@ -32,7 +32,7 @@ from .speed import Speed
 _START_S = 3.0
 _SCENE_S, _BUILD_S_PER_MTRI, _ROCKS_BUILD_S = 0.2, 0.7, 0.2
 _PAIR_S, _PAIR_S_PER_MTRI = 0.05, 0.6
-_S_PER_MPX, _TRUTH_S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 2.8, 2.06, 3.5
+_S_PER_MPX, _TRUTH_S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 5.6, 2.06, 3.5
 #: Bytes of a pass per pixel that shows ground, of images of 160 columns (``benchmarks/disk.py``). Light of ice in
 #: sunlight is the same in three bands, so it takes a third of what it could; samples add values, to the most.
 _DEPTH, _NORMAL, _LIGHT, _DENOISED = 4.0, 11.9, 4.2, 12.0

@@ -32,8 +32,8 @@ def shoot(folder: Path, *parts: dict) -> Pair:
 @pytest.mark.heavy
 def test_hidden_pixels_are_those_of_another_ray_caster(tmp_path):
     """The bounds are those of the issue: 99 % of what is behind something more than 1 px nearer, 0.1 % false."""
-    pair = shoot(tmp_path, ROCKS)
-    tree = tree_of_scene()
+    pair = shoot(tmp_path, ROCKS, {"rocks": {"coverage": 0.25}})
+    tree = tree_of_scene(pair)
     far = found = false = pixels = 0
     for eye in EYES:
         view = read_view(pair.truth(eye), eye)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import bpy
 import numpy as np
-from icymoon.render.pairs.pair_folder import Pair
+from icymoon.render.pairs.pair_folder import EYES, Pair
 from mathutils.bvhtree import BVHTree
 
 
-def tree_of_scene() -> BVHTree:
-    """All triangles of the present scene as it is evaluated, in world axes, m."""
+def tree_of_scene(pair: Pair) -> BVHTree:
+    """The triangles of the present scene as it is evaluated, in world axes, m, of which a part may be in the frame of
+    an eye of ``pair``: rocks have far too many behind and beside the camera."""
     bpy.context.view_layer.update()
     corners: list[np.ndarray] = []
     triangles: list[np.ndarray] = []
@@ -18,16 +19,35 @@ def tree_of_scene() -> BVHTree:
         mesh = instance.object.data
         if not isinstance(mesh, bpy.types.Mesh) or not mesh.polygons:
             continue
+        pose = np.array(instance.matrix_world)
+        box = np.array(instance.object.bound_box) @ pose[:3, :3].T + pose[:3, 3]
+        if not any((_sides(pair, eye, box) <= 0).any(axis=1).all() for eye in EYES):
+            continue
         mesh.calc_loop_triangles()
         places, faces = np.empty(3 * len(mesh.vertices), np.float32), np.empty(3 * len(mesh.loop_triangles), np.int32)
         mesh.vertices.foreach_get("co", places)
         mesh.loop_triangles.foreach_get("vertices", faces)
-        pose = np.array(instance.matrix_world)
-        corners.append(places.reshape(-1, 3) @ pose[:3, :3].T + pose[:3, 3])
-        triangles.append(faces.reshape(-1, 3) + count)
-        count += len(corners[-1])
+        there = places.reshape(-1, 3) @ pose[:3, :3].T + pose[:3, 3]
+        in_sight = np.any([(_sides(pair, eye, there)[:, faces.reshape(-1, 3)] <= 0).any(axis=2).all(axis=0)
+                           for eye in EYES], axis=0)
+        used, renumbered = np.unique(faces.reshape(-1, 3)[in_sight], return_inverse=True)
+        corners.append(there[used])
+        triangles.append(renumbered.reshape(-1, 3) + count)
+        count += len(used)
     return BVHTree.FromPolygons(np.concatenate(corners).tolist(), np.concatenate(triangles).tolist(),
                                 all_triangles=True)
+
+
+def _sides(pair: Pair, eye: str, points: np.ndarray) -> np.ndarray:
+    """How far points (N, 3) are beyond each of the four sides and behind the plane of an eye's pyramid, (5, N), m."""
+    camera, pose = pair.camera, pair.rectified_pose(eye)
+    assert pose is not None
+    right, down, ahead = ((points - pose[:3, 3]) @ pose[:3, :3]).T
+    left_of, below = camera.cx_px / camera.focal_px, camera.cy_px / camera.focal_px
+    right_of = (camera.width_px - camera.cx_px) / camera.focal_px
+    above = (camera.height_px - camera.cy_px) / camera.focal_px
+    return np.stack([right - right_of * ahead, -right - left_of * ahead, down - above * ahead, -down - below * ahead,
+                     -ahead])
 
 
 def cast_from_other_eye(tree: BVHTree, pair: Pair, eye: str, disparity: np.ndarray) -> np.ndarray:
