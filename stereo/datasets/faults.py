@@ -15,7 +15,7 @@ from ..measure.metrics import usable
 from .data_files import MapFile
 
 #: Numbers are of the wrong sign if at least so many of them are.
-_WRONG_SIGN = 0.99
+WRONG_SIGN = 0.99
 #: Factors between units: steps of a PNG, of OpenCV's disparities, millimetres.
 _UNITS = (256.0, 16.0, 1000.0)
 #: A median ratio of prediction and truth is a factor between units if it is within this of it, and if half of the
@@ -49,19 +49,22 @@ def check_truth(pair: Files, disparity: np.ndarray, left: np.ndarray, right: np.
     known = np.isfinite(disparity)
     if not known.any():
         raise IcyMoonError(f"{path} has no known value in any pixel; give the file with the truth.")
-    if np.mean(disparity[known] < 0) >= _WRONG_SIGN:
+    if np.mean(disparity[known] < 0) >= WRONG_SIGN:
         raise IcyMoonError(f"{path} has negative disparities (left column minus right column must be positive); negate "
-                           "them, or exchange the images.")
+                           "them (truth.steps = -1 in pairs.toml), or exchange the images.")
     here = correlation(left, right, disparity)
     if here >= _FITS_NOT:
         return
     if correlation(left, right, -disparity) > max(here, _FITS):
         raise IcyMoonError(f"{pair.left} and {pair.right} fit the truth only the other way round; exchange the images.")
+    what = "depths" if pair.truth.kind == "depth" else "disparities"
     for factor in (number for unit in _UNITS for number in (unit, 1 / unit)):
         if correlation(left, right, disparity / factor) > _FITS:
-            size = f"{factor:g}" if factor >= 1 else f"1/{1 / factor:g}"
-            raise IcyMoonError(f"{path} fits the images only with disparities divided by {size}; state its unit, or "
-                               "convert it.")
+            # A depth that is too large is a disparity that is too small.
+            large = 1 / factor if what == "depths" else factor
+            size, change = (large, "large; divide") if large > 1 else (1 / large, "small; multiply")
+            raise IcyMoonError(f"{path} has {what} that are {size:g} times too {change} them by {size:g}, or state "
+                               "truth.steps in pairs.toml.")
 
 
 def correlation(left: np.ndarray, right: np.ndarray, disparity: np.ndarray) -> float:
@@ -89,7 +92,7 @@ def check_prediction(path: Path, disparity: np.ndarray, true_disparity: np.ndarr
     known = np.isfinite(disparity)
     if not known.any():
         raise IcyMoonError(f"{path} has no number in any pixel; run the method on this pair again.")
-    if np.mean(disparity[known] < 0) >= _WRONG_SIGN:
+    if np.mean(disparity[known] < 0) >= WRONG_SIGN:
         raise IcyMoonError(f"{path} has negative disparities, as of optical flow; negate them.")
     both = usable(disparity) & usable(true_disparity)
     if not both.any():

@@ -25,7 +25,7 @@ from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
-from .faults import check_truth
+from .faults import WRONG_SIGN, check_truth
 
 #: Share of the width that matchers search where a data set states no range.
 _SEARCHED_SHARE = 0.25
@@ -122,9 +122,11 @@ class ForeignPair:
             raise IcyMoonError(f"{file.path} is {describe_size(values)}, and the images are "
                                f"{describe_size(image)}; give a map with a number for each pixel of the left image.")
         if file.kind == "depth":
+            if np.isfinite(values).any() and np.mean(values[np.isfinite(values)] < 0) >= WRONG_SIGN:
+                raise IcyMoonError(f"{file.path} has negative depths; negate them (truth.steps = -1 in pairs.toml).")
             return np.where(usable(values), camera.disparity(np.where(usable(values), values, 1.0)), np.nan)
         known = np.isfinite(values)
-        return -values if self.either_sign and known.any() and np.mean(values[known] < 0) >= 0.99 else values
+        return -values if self.either_sign and known.any() and np.mean(values[known] < 0) >= WRONG_SIGN else values
 
     def _visible(self, disparity: np.ndarray, truth: np.ndarray, camera: StereoCamera,
                  image: np.ndarray) -> tuple[np.ndarray, bool]:

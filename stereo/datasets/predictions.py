@@ -55,16 +55,19 @@ def options_of(method: Method) -> dict[str, Any]:
 
 
 def find_prediction(method: Method, pair: str) -> Path:
-    """The file with a pair's disparity. Raises IcyMoonError if there is none."""
+    """The file with a pair's disparity. Raises IcyMoonError if there is none, or more than one."""
     root = Path(method.options["folder"])
-    path = _find(root, pair)
-    if path is None:
+    found = _find(root, pair)
+    if not found:
         raise IcyMoonError(f"{root} has no disparity of the pair {pair}; add {pair}.pfm, or .png, .npy or .exr.")
-    return find_inside(root, path.relative_to(root))
+    if len(found) > 1:
+        raise IcyMoonError(f"{root} has {' and '.join(path.name for path in found)} of the pair {pair}; keep one of "
+                           "them.")
+    return find_inside(root, found[0].relative_to(root))
 
 
-def _find(root: Path, pair: str) -> Path | None:
-    return next((path for ending in ENDINGS if (path := root / f"{pair}{ending}").is_file()), None)
+def _find(root: Path, pair: str) -> list[Path]:
+    return [path for ending in ENDINGS if (path := root / f"{pair}{ending}").is_file()]
 
 
 def read_prediction(method: Method, prepared: Prepared) -> tuple[np.ndarray, dict[str, Any]]:

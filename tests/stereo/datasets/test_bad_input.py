@@ -1,6 +1,7 @@
 """What is wrong with foreign data and predictions is one sentence that names the file and the fix."""
 
 import os
+import re
 import shutil
 import struct
 import zlib
@@ -87,10 +88,23 @@ def test_a_truth_of_the_wrong_sign(tmp_path):
     refused(plain(tmp_path, foreign.constant(-7)), "a.npy has negative disparities", "negate them")
 
 
-@pytest.mark.parametrize(("factor", "stated"), [(256, "256"), (16, "16"), (1000, "1000"), (1 / 256, "1/256")])
-def test_a_truth_of_another_unit(tmp_path, factor, stated):
-    refused(plain(tmp_path, foreign.constant(7 * factor)), "a.npy fits the images only with disparities divided by "
-            f"{stated};")
+    depth = foreign.constant(-2.0)
+    refused(plain(tmp_path / "depth", depth, 'depth = "truth/{pair}.npy"'), "a.npy has negative depths", "negate them")
+
+
+@pytest.mark.parametrize(("factor", "words"), [
+    (256, "256 times too large; divide them by 256"), (16, "16 times too large"), (1000, "1000 times too large"),
+    (1 / 256, "256 times too small; multiply them by 256")])
+def test_a_truth_of_another_unit(tmp_path, factor, words):
+    refused(plain(tmp_path, foreign.constant(7 * factor)), f"a.npy has disparities that are {words}")
+
+
+def test_a_true_depth_in_millimetres(tmp_path):
+    root = plain(tmp_path, foreign.constant(), 'depth = "truth/{pair}.npy"')
+    focal_px, baseline_m = (float(re.search(f"{key} = (.*)", (root / "pairs.toml").read_text())[1])
+                            for key in ("focal_px", "baseline_m"))
+    np.save(root / "truth" / "a.npy", 1000 * focal_px * baseline_m / foreign.constant())
+    refused(root, "a.npy has depths that are 1000 times too large; divide them by 1000", "truth.steps")
 
 
 def test_exchanged_eyes(tmp_path):

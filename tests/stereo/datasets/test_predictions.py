@@ -115,6 +115,15 @@ def test_a_damaged_prediction_fails_alone(dataset, truth, tmp_path):
     assert rows[1]["error"] == f"{path} is damaged or incomplete; make it again."
 
 
+def test_two_predictions_of_one_pair_are_no_prediction(dataset, truth, tmp_path):
+    for name in ("one", "two"):
+        foreign.write_pfm(tmp_path / "p" / f"{name}.pfm", truth)
+    np.save(tmp_path / "p" / "two.npy", truth + 3)
+    rows = list(evaluate([dataset], [], tmp_path / "out", predictions=[f"n={tmp_path / 'p'}"])["rows"])
+    assert [row["status"] for row in rows] == ["ok", "failed"]
+    assert rows[1]["error"] == f"{tmp_path / 'p'} has two.pfm and two.npy of the pair two; keep one of them."
+
+
 @pytest.mark.parametrize(("text", "words"), [
     ("net", "write it as NAME=FOLDER"), ("=folder", "write it as NAME=FOLDER"), ("-net=x", "begins with a letter"),
     ("bm={folder}", "there is already a method bm"), ("net={folder}/none", "has no disparity of any pair"),
