@@ -34,9 +34,16 @@ def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: Table) ->
              for metric, name in _TOLD}
     told = [_size(name, float(size)) for name, size in sizes.items() if np.isfinite(size)]
     power = f" 8 of 10 such data sets would show {' or '.join(told)}." if told else ""
-    rare = "".join(f" {sentence}" for sentence in describe_rare_failures(table))
+    rare = "".join(f" {sentence}" for sentence in (*describe_rare_failures(table), _describe_unseen(scenes)))
     return (f"{scenes} scenes, {methods} methods: at most 5 % of data sets without a difference show one{together}."
             f"{power}{rare}")
+
+
+def _describe_unseen(scenes: int) -> str:
+    """What no test of these scenes can know: failures that none of them contains. If a share q of all scenes had one,
+    so many scenes would contain none with a probability of (1 - q)^scenes."""
+    return (f"A failure that none of the {scenes} scenes contains may still occur in up to "
+            f"{100 * (1 - 0.05 ** (1 / scenes)):.0f} % of scenes (95 % bound), and no verdict knows of it.")
 
 
 def _size(name: str, size: float) -> str:

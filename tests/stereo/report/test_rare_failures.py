@@ -1,5 +1,7 @@
 """The sign of methods that fail rarely but heavily: shown where the data contain such failures, and not otherwise."""
 
+import re
+
 import numpy as np
 import pytest
 from icymoon.stereo.measure.result_row import NUMBERS
@@ -85,3 +87,13 @@ def test_it_is_said_beside_the_verdicts(scenes, said):
     text = describe_verdicts(compare_methods(table, 0)[0], table)
     assert ("m1 fails rarely but heavily: " in text) == said
     assert "m0 fails" not in text
+
+
+def test_the_bound_on_failures_that_no_scene_contains_is_said():
+    """It is the share of scenes with a failure at which a draw of so many scenes contains none in 5 % of draws."""
+    errors = with_failures(np.random.default_rng(4), np.zeros(SCENES * PAIRS, bool))
+    table = table_of(errors[:, :10 * PAIRS])
+    text = describe_verdicts(compare_methods(table, 0)[0], table)
+    bound = int(re.search("none of the 10 scenes contains may still occur in up to (\\d+) % of scenes", text)[1]) / 100
+    without = (np.random.default_rng(5).random((100_000, 10)) >= bound).all(axis=1).mean()
+    assert without == pytest.approx(0.05, abs=0.01)
