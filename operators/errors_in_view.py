@@ -15,6 +15,7 @@ from ..render.pairs.pair_folder import read_pair
 from ..settings import announcements
 from ..settings.table import TOPICS
 from ..stereo.ground_errors import DepthErrors, read_depth_errors
+from ..stereo.matchers.methods import describe_method
 from .build import leave_edit_mode
 from .coloured_views import hide_errors, is_shown, show_colours
 from .render import dataset_folder, planned_pairs
@@ -38,12 +39,13 @@ class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
             if not paths:
                 raise IcyMoonError("This evaluation has no measured surfaces; press Evaluate to measure those of the "
                                    "present scene.")
-            item = measured_surface.build_points(context.scene, paths, method, context.scene.icymoon.error_range_m)
+            item = measured_surface.build_points(context.scene, paths, describe_method(method),
+                                                 context.scene.icymoon.error_range_m)
         except IcyMoonError as error:
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         show_colours(context, [item])
-        self.report({"INFO"}, f"{len(item.data.polygons)} points measured by {method}")
+        self.report({"INFO"}, f"{len(item.data.polygons)} points measured by {describe_method(method)}")
         return {"FINISHED"}
 
 
@@ -62,12 +64,12 @@ class ICYMOON_OT_paint_errors(ResultOperator, bpy.types.Operator):
         leave_edit_mode()  # a mesh that is being edited has no attributes
         try:
             built, found = _read_errors(scene, method)
-            collection = painted_errors.paint(scene, built, found, method, scene.icymoon.error_range_m)
+            collection = painted_errors.paint(scene, built, found, describe_method(method), scene.icymoon.error_range_m)
         except IcyMoonError as error:
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         show_colours(context, list(collection.objects), solid=True)
-        self.report({"INFO"}, f"Depth errors of {method} painted on the ground")
+        self.report({"INFO"}, f"Depth errors of {describe_method(method)} painted on the ground")
         return {"FINISHED"}
 
 

@@ -76,7 +76,7 @@ def sheet(name: str) -> Waiting:
         yield from screen_picture(pages[-1], crop)
         yield from to(*middle("UI"))
         before = person.scrolled()
-        yield from person.scroll(21)
+        yield from person.scroll(int(21 / bpy.context.preferences.view.ui_scale))  # less than a page
         if abs(person.scrolled() - before) < 1:
             pages = pages[:-1] if number and before == 0 else pages
             break

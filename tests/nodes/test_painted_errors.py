@@ -195,10 +195,10 @@ def evaluated_pair(shown):
     """A scene whose pair was evaluated."""
     pair, *_ = shown
     scene = bpy.context.scene
-    rows = [{"method": name, "pair": pair.id, "images": {"disparity": f"pairs/{pair.id}/{name}.npz"}}
-            for name in ("far", "near")]
+    rows = [{"method": name, "pair": pair.id, "images": {"disparity": f"pairs/{pair.id}/{file}.npz"}}
+            for name, file in (("far", "far"), ("near", "near"), ("bm:window=7", "far"))]
     summary = [{"method": name, "l1_m": l1, "l1_rate_10": 0, "si_rmse": 0, "dod": 0, "coverage": 1}
-               for name, l1 in (("far", 0.3), ("near", 0.1))]
+               for name, l1 in (("far", 0.3), ("near", 0.1), ("bm:window=7", 0.3))]
     evaluated(scene, pair.folder.parent.parent, *summary, shown=rows)
     yield scene
     painted_errors.clear(scene)
@@ -210,6 +210,8 @@ def test_by_operator_with_its_range(shown, evaluated_pair):
     scene, mesh = evaluated_pair, built.terrain.data
     assert bpy.ops.icymoon.paint_errors() == {"FINISHED"}
     assert painted_errors.legend(scene)[0][0] == "Depth error of near on the ground"
+    assert bpy.ops.icymoon.paint_errors(method="bm:window=7") == {"FINISHED"}
+    assert painted_errors.legend(scene)[0][0] == "Depth error of StereoBM:window=7 on the ground"  # as its tick
     assert bpy.ops.icymoon.paint_errors(method="far") == {"FINISHED"}
     error, _, colour = read(mesh)
     large = error > 0.15
