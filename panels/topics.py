@@ -40,7 +40,7 @@ def _is_topic_shown(topic: str, root: object) -> bool:
     if topic == "hapke":
         used = [root.surface, *([root.rock_surface] if root.rocks.own_surface else [])]  # type: ignore[attr-defined]
         return any(surface.model == "HAPKE" for surface in used)
-    return True
+    return topic != "hills" or any(is_shown(topic, setting.key, root) for setting in TOPICS[topic].settings)
 
 
 class _SectionPanel(Sidebar):

@@ -106,6 +106,15 @@ def paths_drawn() -> list[str]:
     return [entry[1] for entry in everything() if entry[0] == "prop"]
 
 
+@pytest.mark.parametrize("chosen", CHOICES, ids=str)
+def test_no_panel_that_is_shown_is_empty(scene, chosen):
+    set_choices(scene.icymoon, chosen)
+    shown = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel)
+             and getattr(cls, "poll", lambda context: True)(bpy.context)]
+    assert len(shown) > 20
+    assert [cls.bl_idname for cls in shown if not drawn(cls)] == []
+
+
 def test_every_setting_is_drawn_where_it_has_a_meaning(scene):
     paths = []
     for chosen in CHOICES:

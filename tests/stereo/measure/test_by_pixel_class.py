@@ -33,8 +33,8 @@ CLASSES = classify(TRUTH, RANDOM.random((60, 80)) < 0.9, RANDOM.exponential(3, (
 
 def sums_by_class(classes, depth, truth, disparity, true, doffs_px=0.0):
     known = usable(truth)
-    return by_pixel_class.sums_by_class(Cells(classes, known), *(values[known] for values in (depth, truth, disparity,
-                                                                                             true)), doffs_px=doffs_px)
+    return by_pixel_class.sums_by_class(Cells(classes, known), depth[known], truth[known], disparity[known],
+                                        true[known], doffs_px)
 
 
 def test_classes_lie_between_their_bounds():
