@@ -391,8 +391,8 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
     Setting("dirt", "Dirt", "BLACK", "What lies in troughs and on slopes, and covers the share of their area that is "
             "stated above", "material",
             choices=(("BLACK", "Black", "Reflects nothing, so the ice is darker and keeps its colour"),
-                     ("EUROPA_DARK", "Europa's Dark Matter", "Brown: 0.17 in green (Helfenstein et al. 1998), 1.25 of "
-                      "that in red and 0.6 in blue, from memory"),
+                     ("EUROPA_DARK", "Dark Material", "Europa's, brown: 0.17 in green (Helfenstein et al. 1998), 1.25 "
+                      "of that in red and 0.6 in blue, from memory"),
                      ("SULPHUR", "Sulphur", "Yellow-brown products of radiolysis; a guess"),
                      ("THOLIN", "Red Organics", "Tholin, not found on either moon; from memory"))),
     _fraction("salt_share", "Salt Share", 0.0, "Share of the ground that is stained by salts", "material"),
@@ -405,7 +405,7 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
                      ("SULPHATE_SALTS", "Hydrated Sulphates", "Hydrates of magnesium and sodium sulphate: white"),
                      ("ACID_HYDRATE", "Acid Hydrate", "Hydrate of sulphuric acid: white"),
                      ("SULPHUR", "Sulphur", "Yellow-brown products of radiolysis; a guess"),
-                     ("EUROPA_DARK", "Europa's Dark Matter", "Brown, as for Dirt"))),
+                     ("EUROPA_DARK", "Dark Material", "Europa's, brown, as for Dirt"))),
     _fraction("salt_red", "Salt Red", 1.0, "Reflectance of stained ice relative to clean ice, in red", "material"),
     _fraction("salt_green", "Salt Green", 0.85, "Reflectance of stained ice relative to clean ice, in green",
               "material"),
