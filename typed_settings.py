@@ -233,6 +233,7 @@ class SurfaceSettings(Table):
     trough_dirt: float
     slope_dirt: float
     dirt: Literal["BLACK", "EUROPA_DARK", "SULPHUR", "THOLIN"]
+    dirt_patch_m: float  # m
     salt_share: float
     salt_patch_m: float  # m
     salt: Literal["OWN", "EUROPA_SALT", "IRRADIATED_SALT", "SULPHATE_SALTS", "ACID_HYDRATE", "SULPHUR", "EUROPA_DARK"]

@@ -95,9 +95,10 @@ def has_effect(topic: str, key: str, root: Any) -> bool:
     if topic == "rocks" and key != "coverage":
         return bool(group.coverage > 0
                     and (key not in ("cluster_blocks", "cluster_radius_m") or group.clustering > 0))
-    if topic in ("surface", "rock_surface") and key == "dirt":
+    if topic in ("surface", "rock_surface") and key in ("dirt", "dirt_patch_m"):
         # Rocks have no troughs.
-        return bool(group.slope_dirt != 0 or (topic == "surface" and group.trough_dirt != 0))
+        dirty = group.slope_dirt != 0 or (topic == "surface" and group.trough_dirt != 0)
+        return bool(dirty and (key == "dirt" or group.dirt != "BLACK"))
     if topic in ("surface", "rock_surface"):
         return bool(key not in _SURFACE_NEEDS or getattr(group, _SURFACE_NEEDS[key]) > 0)
     if topic == "textures" and key in ("width_m", "repeat"):

@@ -38,7 +38,7 @@ def _advanced(topic: str, *settings: str) -> Section:
 def _of_surface(topic: str) -> tuple[Section, ...]:
     return (Section(topic, "dirt", "Colour, Dirt and Salts", "Colour of the ice, and darker or redder ground on it", (
                 "ice_colour", "snow_grain_m", "albedo_variation", "albedo_patch_m", "trough_dirt", "slope_dirt", "dirt",
-                "salt_share", "salt_patch_m", "salt", "salt_red", "salt_green", "salt_blue")),
+                "dirt_patch_m", "salt_share", "salt_patch_m", "salt", "salt_red", "salt_green", "salt_blue")),
             Section(topic, "grain", "Grains", "Relief that is finer than the mesh, and glints", (
                 "grain_size_m", "grain_amplitude_m", "relief", "glint_share", "glint_size_m")),
             _advanced(topic, "lommel_seeliger_share", "subsurface_radius_m", "transmission", "specular",

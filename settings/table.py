@@ -395,10 +395,14 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
                       "of that in red and 0.6 in blue, from memory"),
                      ("SULPHUR", "Sulphur", "Yellow-brown products of radiolysis; a guess"),
                      ("THOLIN", "Red Organics", "Tholin, not found on either moon; from memory"))),
+    _metres("dirt_patch_m", "Dirt Patch", 0.0, 0.0, 1.0e4, (0.0, 5.0),
+            "Wavelength of patches that dirt covers wholly, with clean ice between them; 0 for an even mixture. Black "
+            "dirt is always even", "material"),
     _fraction("salt_share", "Salt Share", 0.0, "Share of the ground that is stained by salts", "material"),
     _metres("salt_patch_m", "Salt Patch", 1.0, 1.0e-4, 1.0e4, (0.05, 20.0), "Wavelength of the stains", "material"),
     Setting("salt", "Salt", "OWN", "What the stains are", "material",
-            choices=(("OWN", "Own Colour", "By the reflectances relative to clean ice that are stated below"),
+            choices=(("OWN", "Own Colour", "By the reflectances relative to clean ice that are stated below. Of a "
+                      "small share that is asked for, about 0.6 is covered"),
                      ("EUROPA_SALT", "Europa's Salt", "Table salt with the faint band that Europa shows near 450 nm "
                       "(Trumbo et al. 2019)"),
                      ("IRRADIATED_SALT", "Irradiated Salt", "Table salt after irradiation in the laboratory: yellow"),

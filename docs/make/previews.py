@@ -9,6 +9,7 @@ the gallery side by side.
 
 from __future__ import annotations
 
+import json
 import math
 import subprocess
 import sys
@@ -20,6 +21,7 @@ import numpy as np
 from icymoon.commands.cli import render_settings
 from icymoon.render.workers.job import python_command
 from icymoon.settings import description, preset_files
+from icymoon.stereo.images.develop import Channels
 from icymoon.typed_settings import Parts, Settings
 
 #: Pixels of a preview in the usual proportion, and light paths per pixel. The sidebar shows it at a third of it.
@@ -52,6 +54,12 @@ def look_at_planet(settings: Settings) -> Parts:
             "light": {"sun_azimuth_deg": light.planet_azimuth_deg + _SUN_TO_THE_RIGHT_DEG}}
 
 
+def see_colour(settings: Settings) -> Parts:
+    """A colour camera that is exposed for as many electrons of white ground as the monochrome one of the settings."""
+    rates = [Channels(settings.light, settings.sensor | {"colour": colour}, 1e-5).rate for colour in ("MONO", "BAYER")]
+    return {"sensor": {"colour": "BAYER", "exposure_s": settings.sensor.exposure_s * rates[0] / rates[1]}}
+
+
 def make(name: str, folder: Path) -> Path:
     """Render a preset such as scenes/europa_chaos into a folder and write its preview; returns the preview."""
     kind = name.split("/")[0]
@@ -60,6 +68,8 @@ def make(name: str, folder: Path) -> Path:
                                    preset_files.load_preset(name), changes, {"quality": {"samples": SAMPLES}})
     if kind == "bodies":
         described = description.merged(described, look_at_planet(described))
+    if kind == "surfaces":
+        described = description.merged(described, see_colour(described))
     rig = described.rig
     described["rig"] = rig | {"width_px": HEIGHT * rig.width_px // rig.height_px, "height_px": HEIGHT}
     render_settings(described, folder / name, sys.executable)
@@ -68,7 +78,7 @@ def make(name: str, folder: Path) -> Path:
     subprocess.run(python_command(sys.executable, "stereo", "develop", str(pair), "--out", str(shown)), check=True,
                    stdout=subprocess.DEVNULL)
     image = cv2.imread(str(next(shown.rglob("left.png"))), cv2.IMREAD_UNCHANGED)
-    light = image / (65535 if image.dtype == np.uint16 else 255)
+    light = image / (2.0 ** json.loads(next(shown.rglob("images.json")).read_text())["image_bits"] - 1)
     image = np.rint(255 * (np.sqrt(light) if kind in SAME_EXPOSURE else light)).astype(np.uint8)
     target = preset_files.preview_path(name)
     _write(target, image)

@@ -16,6 +16,8 @@ from ..tree.builder import Tree, output
 from .patches_and_grain import add_clean_share, add_stained_share
 
 _WHITE = (1.0, 1.0, 1.0)
+#: Distance of the field of dirt from that of salt in the fourth dimension of noise, in units that no scene repeats.
+_BESIDE_SALT = 2000.0
 
 
 def clean_albedo(surface: SurfaceSettings, settings: Settings | None) -> float:
@@ -48,15 +50,17 @@ def add_ground_colour(tree: Tree, surface: SurfaceSettings, geometry: Any, salt_
                       albedo: float) -> Any:
     """Output socket of the colour of the ground; None if it is that of grey, clean ice.
 
-    ``salt_at`` selects the field of salt, ``elevated`` is whether the mesh has the attribute ``ELEVATION``, and
-    ``albedo`` is that of clean ice.
+    ``salt_at`` selects the fields of salt and of patches of dirt, ``elevated`` is whether the mesh has the attribute
+    ``ELEVATION``, and ``albedo`` is that of clean ice.
     """
     tint = ice_tint(surface, albedo)
     colour: Any = None if tint == _WHITE else tint
     if surface.salt_share > 0.0:
         stained = add_stained_share(tree, surface, geometry, salt_at)
         colour = _add_mix(tree, "Salt Colour", stained, tint, salt_colour(surface, albedo))
-    clean = add_clean_share(tree, surface, geometry, elevated) if surface.dirt != "BLACK" else 1.0
+    clean: Any = 1.0
+    if surface.dirt != "BLACK":
+        clean = add_clean_share(tree, surface, geometry, salt_at + _BESIDE_SALT, elevated)
     if clean != 1.0:
         dirt = _over(material_bands(surface.dirt), albedo)
         return _add_mix(tree, "Dirt Colour", clean, dirt, tint if colour is None else colour)

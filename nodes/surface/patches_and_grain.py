@@ -16,10 +16,14 @@ import numpy as np
 
 from ...typed_settings import SurfaceSettings
 from ..tree.builder import Tree, output
+from ..tree.formula import Number
 
 ELEVATION = "icymoon_elevation"  # attribute: height above the mean plane in standard deviations
 #: Mean and standard deviation of Blender's normalised noise of four octaves, and the width of a stain's edge.
-_NOISE_MEAN, _NOISE_DEVIATION, _EDGE = 0.5, 0.093, 0.02
+_NOISE_MEAN, _NOISE_DEVIATION, _EDGE = 0.5, 0.069, 0.02
+#: The deviation that stains of a colour of the user's were made with, which is too large: they cover about 0.6 of a
+#: small share that is asked for. Pairs that have them must stay as they are.
+_DEVIATION_OF_OWN_SALT = 0.093
 GRAIN_OCTAVES = 3.0
 #: Largest offset of a field of grain from the origin on each axis, in wavelengths. There, single precision rounds to
 #: 1e-6 wavelengths. With 500 pixels for each wavelength, a tenth of a pixel is 2e-4 of it, so slopes are right within
@@ -113,9 +117,22 @@ def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: 
     return _add_factors(tree, "Brightness", factors)
 
 
-def add_clean_share(tree: Tree, surface: SurfaceSettings, geometry: Any, elevated: bool) -> Any:
-    """Share of the area that dirt leaves free: an output socket, or 1.0 if there is no dirt."""
-    return _add_factors(tree, "Clean Share", _clean_shares(tree, surface, geometry, elevated))
+def add_clean_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, elevated: bool) -> Any:
+    """Share of the area that dirt of a material leaves free: an output socket, or 1.0 if there is no dirt.
+
+    With patches of dirt it is 0 in them and 1 between them, and they take up the dirt's share of the area. ``fourth``
+    selects their field.
+    """
+    clean = _add_factors(tree, "Clean Share", _clean_shares(tree, surface, geometry, elevated))
+    if clean == 1.0 or surface.dirt_patch_m == 0.0:
+        return clean
+    field = add_noise(tree, "Dirt Patches", geometry.outputs["Position"], surface.dirt_patch_m, fourth, 4.0)
+    # The share of noise that is below its value here: a logistic function is within 0.01 of the Gaussian's.
+    deviations = Number(tree, field).times_plus(1 / _NOISE_DEVIATION, -_NOISE_MEAN / _NOISE_DEVIATION)
+    below = (1.0 / ((deviations * -1.702).exp() + 1.0)).named("Share of Noise Below")
+    # With soft edges all of the ground is still free at 1, and none at 0.
+    ahead = Number(tree, clean).times_plus(1 + 2 * _EDGE, -_EDGE) - below
+    return _add_share(tree, "Between Patches", ahead.value, -_EDGE, _EDGE, smooth=True)
 
 
 def _add_factors(tree: Tree, label: str, factors: Sequence[Any]) -> Any:
@@ -151,5 +168,6 @@ def add_stained_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourt
     """Output socket: 1 where salt covers the ground, 0 elsewhere. ``fourth`` selects the field."""
     share = surface.salt_share
     field = add_noise(tree, "Salt", geometry.outputs["Position"], surface.salt_patch_m, fourth, 4.0)
-    threshold = _NOISE_MEAN + _NOISE_DEVIATION * statistics.NormalDist().inv_cdf(min(max(1.0 - share, 1e-4), 1 - 1e-4))
+    deviation = _DEVIATION_OF_OWN_SALT if surface.salt == "OWN" else _NOISE_DEVIATION
+    threshold = _NOISE_MEAN + deviation * statistics.NormalDist().inv_cdf(min(max(1.0 - share, 1e-4), 1 - 1e-4))
     return _add_share(tree, "Stained", field, threshold - _EDGE, threshold + _EDGE, smooth=True)

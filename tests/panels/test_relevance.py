@@ -98,7 +98,7 @@ def test_a_landform_that_there_is_none_of_has_but_the_setting_that_makes_some(to
 
 PRINCIPLED = {"subsurface_weight", "transmission", "roughness", "specular", "refractive_index", "glint_share"}
 IDLE = {"albedo_patch_m", "subsurface_radius_m", "salt_patch_m", "salt_red", "salt_green", "salt_blue", "glint_size_m",
-        "snow_grain_m", "dirt", "salt"}
+        "snow_grain_m", "dirt", "dirt_patch_m", "salt"}
 #: What a state of the settings leaves of a topic: all keys but those named, or those named alone.
 CASES = [
     ("terrain", {}, "but", {"resolution"}), ("terrain", {"mesh": {"kind": "GRID"}}, "but", {"body_radius_m"}),
@@ -115,10 +115,11 @@ CASES = [
     ("surface", {}, "but", {"lommel_seeliger_share", *IDLE}),
     ("surface", {"surface": {"subsurface_weight": 0.1, "salt_share": 0.1, "albedo_variation": 0.1,
                              "glint_share": 0.01}}, "but",
-     {"lommel_seeliger_share", "snow_grain_m", "dirt"}),
-    ("surface", {"surface": {"slope_dirt": 0.1, "ice_colour": "SNOW", "salt": "SULPHUR", "salt_share": 0.1}}, "but",
-     {"lommel_seeliger_share", "salt_red", "salt_green", "salt_blue"} | IDLE - {"snow_grain_m", "dirt", "salt",
-                                                                                 "salt_patch_m"}),
+     {"lommel_seeliger_share", "snow_grain_m", "dirt", "dirt_patch_m"}),
+    ("surface", {"surface": {"slope_dirt": 0.1, "dirt": "THOLIN", "ice_colour": "SNOW", "salt": "SULPHUR",
+                             "salt_share": 0.1}}, "but",
+     {"lommel_seeliger_share", "salt_red", "salt_green", "salt_blue"} | IDLE - {
+         "snow_grain_m", "dirt", "dirt_patch_m", "salt", "salt_patch_m"}),
     ("surface", {"surface": {"grain_amplitude_m": 0.0}}, "but",
      {"lommel_seeliger_share", "grain_size_m", "relief", *IDLE}),
     ("surface", {"surface": {"model": "LAMBERT"}}, "but", {"lommel_seeliger_share", *PRINCIPLED, *IDLE}),

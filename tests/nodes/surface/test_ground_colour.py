@@ -36,6 +36,14 @@ def test_dirt_covers_its_share_of_the_area(model, cover):
     assert measured(dirty) == pytest.approx(expected, rel=0.015)
 
 
+@pytest.mark.parametrize("share", [0.0, 0.15, 0.5, 0.85, 1.0])
+def test_patches_of_dirt_take_up_its_share(share):
+    patchy = surface(model="LAMBERT", dirt="EUROPA_DARK", slope_dirt=-share, dirt_patch_m=0.05)
+    found = (0.8 - measured(patchy)[2]) / (0.8 - material_bands("EUROPA_DARK")[2])
+    # 20 x 20 patches in the view: 0.02 by chance, and noise is not quite Gaussian.
+    assert found == pytest.approx(share, abs=0.03 if 0 < share < 1 else 0.01)
+
+
 def test_black_dirt_reflects_nothing():
     assert measured(surface(slope_dirt=-0.4)) == pytest.approx([0.48] * 3, rel=0.01)
 
