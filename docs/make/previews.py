@@ -57,7 +57,8 @@ def look_at_planet(settings: Settings) -> Parts:
 def see_colour(settings: Settings) -> Parts:
     """A colour camera that is exposed for as many electrons of white ground as the monochrome one of the settings."""
     rates = [Channels(settings.light, settings.sensor | {"colour": colour}, 1e-5).rate for colour in ("MONO", "BAYER")]
-    return {"sensor": {"colour": "BAYER", "exposure_s": settings.sensor.exposure_s * rates[0] / rates[1]}}
+    return {"sensor": {"colour": "BAYER", "exposure_s": settings.sensor.exposure_s * rates[0] / rates[1],
+                       "psf_sigma_px": 0.6}}  # without, rocks of few pixels would have coloured edges
 
 
 def make(name: str, folder: Path) -> Path:
