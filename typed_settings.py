@@ -250,7 +250,7 @@ class SurfaceSettings(Table):
     glint_size_m: float  # m
     grain_size_m: float  # m
     grain_amplitude_m: float  # m
-    relief: Literal["BUMP", "DISPLACEMENT"]
+    relief: Literal["BUMP", "DISPLACEMENT", "REAL"]
 
 
 class HapkeSettings(Table):

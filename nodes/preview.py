@@ -16,6 +16,7 @@ import bpy
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..physics.mesh import fine_relief
 from ..physics.mesh.grading import OF_THE_RIG
 from ..physics.mesh.height_map import HeightMap
 from ..physics.mesh.height_surface import Surface
@@ -32,7 +33,7 @@ from .datablocks.blend_file_paths import with_absolute_files
 from .datablocks.fingerprint import TAG, instanced_objects
 from .ground.heights_under import probe_heights
 from .ground.rocks import build_rocks, parts_of
-from .ground.terrain_mesh import fill_mesh, grid
+from .ground.terrain_mesh import SPACING, fill_mesh, grid, leave_unmoved
 from .ground.user_ground import is_from_file
 from .light.scene_lights import ROLES, change_lights, described_sky, settings_of_lights
 from .rig import place_rig
@@ -158,8 +159,11 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     rocks = _scatter_largest(coarse, positions) if coarse.rocks.coverage > 0 else None
     # From here on nothing raises, so the scene is changed completely or not at all.
     painted_errors.clear(built.scene)  # they are of the previous ground
+    moved = SPACING in built.terrain.data.attributes
     fill_mesh(built.terrain.data, positions, faces)
     mark_elevation(built.terrain.data, settings.surface)
+    if moved:
+        leave_unmoved(built.terrain.data)
     changed = _show_rocks(built, coarse, rocks)
     built.remember(built.settings, merged(built.preview, geometry(settings)), "terrain data", *changed)
     return ground
@@ -233,7 +237,11 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
                 break
     remove_unused_images()
     shown = built.settings if messages else merged(built.settings, changes.materials(settings))
-    built.remember(shown, built.preview, *changed)
+    preview = {topic: values for topic, values in built.preview.items() if topic != "surface"}
+    if changes.relief_in_mesh(shown) != changes.relief_in_mesh(built.settings):  # the mesh was made for other relief
+        preview["surface"] = {key: shown.surface[key] for key in fine_relief.OF_THE_SURFACE}
+        shown = merged(shown, {"surface": {key: built.settings.surface[key] for key in fine_relief.OF_THE_SURFACE}})
+    built.remember(shown, preview, *changed)
     return messages
 
 
@@ -281,7 +289,9 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
         if moved or ground is not None or preview:
             site_m = scenes.site_ground_m(settings, ground or scenes.ground_of(settings))
         if settings.mesh.kind == "GRADED":  # the mesh was made for the rig that it was built with
-            other = {key: built_rig[key] for key in OF_THE_RIG if built_rig[key] != rig[key]}
+            of_relief = changes.relief_in_mesh(settings) != changes.relief_in_mesh(built.settings)
+            keys = (*OF_THE_RIG, *(fine_relief.OF_THE_RIG if of_relief else ()))
+            other = {key: built_rig[key] for key in keys if built_rig[key] != rig[key]}
             preview |= {"rig": {key: rig[key] for key in other}} if other else {}
             settings = merged(settings, {"rig": other})
     elif moved:

@@ -19,6 +19,7 @@ from ..labels import TERRAIN_INSTANCE
 from ..physics import refused_scenes
 from ..physics.camera import blur
 from ..physics.camera.stereo_geometry import focal_px, rounding_advice
+from ..physics.mesh.fine_relief import displacement_advice, nearest_m
 from ..physics.mesh.graded_ground import Graded
 from ..physics.mesh.height_surface import Surface
 from ..physics.rocks.beyond_patch import view_beyond
@@ -62,6 +63,7 @@ from .ground.terrain_mesh import (
     patch_heights,
     patch_statistics,
     site_wavelength_m,
+    vertex_spacing_m,
 )
 from .ground.user_ground import UserGround, is_from_file, load_ground
 from .keep_references import is_owned_elsewhere, owned_blocks, replace_block, set_owned_blocks, update_object
@@ -166,6 +168,16 @@ def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -
     return item, warnings
 
 
+def _nearest_spacing_m(settings: Settings, ground: Surface, mesh: bpy.types.Mesh) -> float:
+    """Distance in metres between the nearest vertices that the cameras see; on ground from a file, a mean distance."""
+    if isinstance(ground, Graded):
+        height_m = float(settings.rig.height_m)
+        return float(ground.grading.spacing_at(math.sqrt(max(nearest_m(settings.rig) ** 2 - height_m**2, 0.0))))
+    if is_from_file(settings):
+        return math.sqrt(sum(each.area for each in mesh.polygons) / max(len(mesh.vertices), 1))
+    return vertex_spacing_m(settings.terrain)
+
+
 def _build_objects(settings: Settings, meshed: MeshedGround | None) -> tuple[
         list[bpy.types.Object], bpy.types.World, list[str], UserGround | None, float]:
     """Make all objects of the scene (terrain, Sun, camera, then others) and its world.
@@ -194,6 +206,7 @@ def _build_objects(settings: Settings, meshed: MeshedGround | None) -> tuple[
     mesh = made.build_mesh(f"{NAME} Terrain")
     mark_elevation(mesh, settings.surface, ground.drop_m if isinstance(ground, Graded) else None)
     warnings += ground_and_rock_materials.advice(settings)
+    warnings += displacement_advice(settings, _nearest_spacing_m(settings, ground, mesh))
     try:
         mesh.materials.append(build_ground_material(settings, mesh))
     except IcyMoonError:  # an image that cannot be read

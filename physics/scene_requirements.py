@@ -5,13 +5,13 @@ All functions take complete ``settings``.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
-from ..typed_settings import QualitySettings, RigSettings, Settings, SurfaceSettings
+from ..typed_settings import QualitySettings, Settings, SurfaceSettings
 from .camera.stereo_geometry import focal_px
 from .light.sky import Sky
+from .mesh.fine_relief import nearest_m
 
 #: Topics that describe a surface.
 SURFACES = ("surface", "rock_surface")
@@ -20,13 +20,6 @@ SURFACES = ("surface", "rock_surface")
 def surface_topics(settings: Settings) -> tuple[str, ...]:
     """The topics of the surfaces in the scene: rocks may have their own surface."""
     return SURFACES if settings.rocks.coverage > 0 and settings.rocks.own_surface else SURFACES[:1]
-
-
-def nearest_m(rig: RigSettings) -> float:
-    """Distance in metres of the nearest level ground that the images show; the camera's height if they look up."""
-    half = (0.5 + float(rig.overscan)) * int(rig.height_px) + abs(float(rig.principal_y_px))
-    down = math.radians(rig.pitch_deg) + math.atan(half / focal_px(rig))
-    return float(rig.height_m) / math.sin(down) if 0 < down < math.pi / 2 else float(rig.height_m)
 
 
 def walk_px(settings: Settings, topic: str) -> float:
@@ -63,7 +56,7 @@ def only_camera_meets_relief(surface: SurfaceSettings, quality: QualitySettings)
 def relief_of_camera_alone(settings: Settings, topic: str) -> bool:
     """Whether a surface has fine relief, its own or that of images, which only camera rays see."""
     surface = rendered_surface(settings, topic)
-    shaded = (surface.relief == "BUMP" and surface.grain_amplitude_m > 0) or (
+    shaded = (surface.relief != "DISPLACEMENT" and surface.grain_amplitude_m > 0) or (
         settings.textures.set != "NONE")
     return shaded and only_camera_meets_relief(surface, settings.quality)
 
@@ -85,6 +78,9 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
             sentences.append(f"{topic}: no subsurface scattering, because its mean free path of "
                              f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest "
                              "pixel, which is below quality.walk_px.")
+        if topic == "surface" and settings.source.kind != "PROCEDURAL" and settings.surface.relief == "REAL" and (
+                settings.surface.grain_amplitude_m > 0):
+            sentences.append("surface: fine relief is bump, because ground from a file keeps its own vertices.")
         if relief_of_camera_alone(settings, topic):
             sentences.append(f"{topic}: fine relief for camera rays only, because quality.fine_relief is CAMERA.")
     share = lights["planet"].get("over_sun") if lights["planet"] else None  # None by night too

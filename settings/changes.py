@@ -7,9 +7,12 @@ camera.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import astuple
 from typing import Any
 
-from ..physics.mesh.grading import OF_THE_RIG
+from ..physics.mesh import fine_relief
+from ..physics.mesh.fine_relief import is_carried_by_grid
+from ..physics.mesh.grading import OF_THE_RIG, fine_relief_of
 from ..physics.scene_requirements import SURFACES, follows_walk
 from ..typed_settings import Parts, Settings
 from .table import TOPICS
@@ -46,8 +49,8 @@ def _geometry(settings: Settings) -> dict[str, dict[str, Any]]:
 def scene(settings: Settings) -> Parts:
     """``geometry`` and all other settings on which a built scene depends: pairs that differ in them cannot share one.
 
-    A graded mesh depends on the rig. Ground from a file depends on the site. Attributes and images of the mesh are made
-    with it. Whether Hapke's law uses OSL depends on the device.
+    A graded mesh depends on the rig, and on fine relief where that is geometry. Ground from a file depends on the site.
+    Attributes and images of the mesh are made with it. Whether Hapke's law uses OSL depends on the device.
     """
     procedural = settings.source.kind == "PROCEDURAL"
     keys = {("quality", "device")} | (set() if procedural else _SITE)
@@ -57,8 +60,19 @@ def scene(settings: Settings) -> Parts:
     for topic, values in _part(settings, keys).items():
         found.setdefault(topic, {}).update(values)
     found["surface"] = {**found.get("surface", {}), "elevation_marked": settings.surface.trough_dirt != 0,
-                        "own_images": settings.textures.set == "MESH"}
+                        "own_images": settings.textures.set == "MESH", "in_mesh": relief_in_mesh(settings)}
     return found
+
+
+def relief_in_mesh(settings: Settings) -> str:
+    """Text that is equal for settings whose meshes have the same fine relief; empty if it is not in the mesh."""
+    if settings.mesh.kind != "GRADED":
+        return "grid" if is_carried_by_grid(settings) else ""
+    relief = fine_relief_of(settings)
+    if relief is None:
+        return ""
+    return " ".join(f"{value:.6g}" for value in (
+        *astuple(relief), *(settings.rig[key] for key in fine_relief.OF_THE_RIG)))
 
 
 def materials(settings: Settings) -> Parts:

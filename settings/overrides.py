@@ -188,7 +188,7 @@ class SurfaceOverrides(TypedDict, total=False):
     glint_size_m: float  # m
     grain_size_m: float  # m
     grain_amplitude_m: float  # m
-    relief: Literal["BUMP", "DISPLACEMENT"]
+    relief: Literal["BUMP", "DISPLACEMENT", "REAL"]
 
 
 class HapkeOverrides(TypedDict, total=False):
@@ -278,7 +278,7 @@ class RockSurfaceOverrides(TypedDict, total=False):
     glint_size_m: float  # m
     grain_size_m: float  # m
     grain_amplitude_m: float  # m
-    relief: Literal["BUMP", "DISPLACEMENT"]
+    relief: Literal["BUMP", "DISPLACEMENT", "REAL"]
 
 
 class LightOverrides(TypedDict, total=False):

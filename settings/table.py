@@ -436,11 +436,13 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
             "Wavelength of the fine relief, which is finer than the mesh", "material"),
     _metres("grain_amplitude_m", "Grain Relief", 0.004, 0.0, 1.0, (0.0, 0.05),
             "Height of the fine relief, from its lowest to its highest point", "material"),
-    Setting("relief", "Fine Relief", "BUMP", "How the fine relief is made", "material",
+    Setting("relief", "Fine Relief", "REAL", "How the fine relief is made", "material",
             choices=(("BUMP", "Bump", "Changes only the shading: the true depth is that of the mesh. Costs no time"),
                      ("DISPLACEMENT", "Displacement",
                       "Moves the vertices of the mesh, and so depth and shadows. Wavelengths below two vertex spacings "
-                      "are left out"))),
+                      "are lost; Build Scene reports how much"),
+                     ("REAL", "Real", "Moves the vertices where the relief is over half a pixel high, with a mesh as "
+                      "fine as the image there. Below that, on rocks and on ground from a file it is bump"))),
 ))
 
 TEXTURES = Topic("textures", "Textures", "Images on the ground and on rocks", (
@@ -468,8 +470,8 @@ TEXTURES = Topic("textures", "Textures", "Images on the ground and on rocks", (
                      ("SHIFTED", "Shifted", "Hexagons from random places of the image, for images with a direction"),
                      ("PLAIN", "Plain", "The whole image, side by side"))),
     _metres("height_m", "Relief Height", 0.005, -10.0, 10.0, (-0.05, 0.05),
-            "Height of white above black in the height image. Fine Relief of the surface sets whether it is bump or "
-            "displacement", "material"),
+            "Height of white above black in the height image. It is bump, unless Fine Relief of the surface is "
+            "Displacement", "material"),
     _file("albedo_file", "Albedo", "Image that multiplies the albedo, relative to the mean of the image"),
     _file("roughness_file", "Roughness", "Image of the roughness, 0 to 1"),
     _file("normal_file", "Normal", "Image of normals (OpenGL: green is up)"),

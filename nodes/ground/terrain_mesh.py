@@ -10,6 +10,7 @@ import bpy
 import numpy as np
 
 from ...labels import UV_LAYER
+from ...physics.mesh.fine_relief import is_carried_by_grid
 from ...physics.mesh.graded_ground import Graded, grade_ground
 from ...physics.mesh.height_surface import Surface
 from ...physics.terrain.roughness.roughness import asked_numbers
@@ -17,6 +18,10 @@ from ...physics.terrain.roughness.statistics import Roughness, measure, power_sp
 from ...physics.terrain.terrain import Terrain, law_range_m
 from ...typed_settings import Settings, TerrainSettings
 
+#: Attribute: distance of vertices from their neighbours in metres, if fine relief is geometry where they carry it.
+SPACING = "icymoon_spacing"
+#: Spacing of vertices that fine relief does not move.
+_UNMOVED_M = 1.0e6
 #: Points per side of the grid on which the roughness of a graded ground is measured.
 _MEASURED = 513
 
@@ -50,33 +55,39 @@ class MeshedGround:
     positions: np.ndarray
     faces: np.ndarray
     sharp: np.ndarray
+    spacing_m: np.ndarray | None = None
+    fine: np.ndarray | None = None
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
-        """The smooth-shaded mesh."""
-        return build_mesh_from_arrays(name, self.positions, self.faces, self.sharp)
+        """The smooth-shaded mesh. Where it is as fine as the image, for its fine relief, it is shaded flat: then what
+        the image shows is what the depth has."""
+        mesh = build_mesh_from_arrays(name, self.positions, self.faces, self.sharp)
+        if self.spacing_m is not None:
+            _mark_spacing(mesh, self.spacing_m)
+        if self.fine is not None:
+            mesh.polygons.foreach_set("use_smooth", ~self.fine)
+        return mesh
 
 
 def mesh_ground(ground: Terrain, settings: Settings) -> MeshedGround:
-    """Procedural ground with its mesh, as ``arrays_of``. Needs no Blender, so any thread may call it."""
-    surface = as_meshed(ground, settings)
-    return MeshedGround(surface, *arrays_of(settings.terrain, surface))
-
-
-def arrays_of(terrain: TerrainSettings, ground: Surface) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, faces and sharp edges of ``ground``: graded, or a grid from ``terrain`` settings about the origin.
+    """Procedural ground with its mesh, without Blender, so any thread may call it.
 
     Raises ValueError if a height is not finite.
     """
-    if not isinstance(ground, Graded):
-        return *grid(terrain, ground), np.empty((0, 2), np.int64)
-    positions, faces, sharp = ground.mesh()
-    _check_finite(positions[:, 2])
-    return positions, faces, sharp
+    surface = as_meshed(ground, settings)
+    if not isinstance(surface, Graded):
+        step = vertex_spacing_m(settings.terrain)
+        positions, faces = grid(settings.terrain, surface)
+        spacing = np.full(len(positions), step) if is_carried_by_grid(settings) else None
+        return MeshedGround(surface, positions, faces, np.empty((0, 2), np.int64), spacing)
+    made = surface.mesh_with_relief()
+    _check_finite(made.positions[:, 2])
+    return MeshedGround(surface, made.positions, made.faces, made.sharp, made.spacing_m, made.fine)
 
 
 def build_mesh(name: str, terrain: TerrainSettings, ground: Surface) -> bpy.types.Mesh:
-    """A smooth-shaded mesh of ``ground``, see ``arrays_of``."""
-    return build_mesh_from_arrays(name, *arrays_of(terrain, ground))
+    """A smooth-shaded grid of ``ground``."""
+    return build_mesh_from_arrays(name, *grid(terrain, ground))
 
 
 def grid(terrain: TerrainSettings, ground: Surface) -> tuple[np.ndarray, np.ndarray]:
@@ -98,6 +109,16 @@ def grid(terrain: TerrainSettings, ground: Surface) -> tuple[np.ndarray, np.ndar
 def _check_finite(heights: np.ndarray) -> None:
     if not np.isfinite(heights).all():
         raise ValueError("terrain heights are not finite")
+
+
+def _mark_spacing(mesh: bpy.types.Mesh, spacing_m: np.ndarray) -> None:
+    attribute = mesh.attributes.get(SPACING) or mesh.attributes.new(SPACING, "FLOAT", "POINT")
+    attribute.data.foreach_set("value", np.minimum(spacing_m, _UNMOVED_M).astype(np.float32))
+
+
+def leave_unmoved(mesh: bpy.types.Mesh) -> None:
+    """Mark a mesh so that fine relief is bump everywhere."""
+    _mark_spacing(mesh, np.full(len(mesh.vertices), np.inf))
 
 
 def grid_heights(mesh: bpy.types.Mesh, terrain: TerrainSettings) -> np.ndarray | None:

@@ -17,6 +17,7 @@ from ...typed_settings import Settings
 from ..datablocks.blend_file_paths import used_files
 from ..datablocks.fingerprint import NAME, TAG
 from ..ground.rocks import label_instances
+from ..ground.terrain_mesh import SPACING
 from .ice_material import build_material
 from .images import load_maps, measure_means
 from .textures import Textured
@@ -94,16 +95,17 @@ def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | 
 
 
 def _build_named_material(name: str, settings: Settings, topic: str, semantic: int,
-                          textured: Textured | None) -> bpy.types.Material:
+                          textured: Textured | None, by_fineness: bool = False) -> bpy.types.Material:
     material = build_material(f"{NAME} {name}", rendered_surface(settings, topic), int(settings.dataset.seed), semantic,
-                              textured, settings)
+                              textured, settings, by_fineness)
     material[TAG] = "material"
     return material
 
 
 def build_ground_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
     """The material of the ground with this mesh. Raises IcyMoonError if a texture is not available."""
-    return _build_named_material("Surface", settings, "surface", TERRAIN, _load_textures(settings, mesh))
+    return _build_named_material("Surface", settings, "surface", TERRAIN, _load_textures(settings, mesh),
+                                 SPACING in mesh.attributes)
 
 
 def build_rock_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:

@@ -22,7 +22,7 @@ from ..tree.formula import Number
 from . import reflectance_laws
 from .glints import add_glints
 from .ground_colour import add_ground_colour, clean_albedo
-from .patches_and_grain import GRAIN_FARTHEST, add_brightness, add_grain, darkest
+from .patches_and_grain import GRAIN_FARTHEST, add_brightness, add_grain, add_grain_by_fineness, darkest
 from .sun_inputs import Sun
 from .textures import Sampler, Textured
 
@@ -62,18 +62,28 @@ def add_bump(tree: Tree, height: Any, distance_m: float, normal: Any = None) -> 
 def _add_fine_height(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float], pieces: Sampler | None,
                      textured: Textured | None) -> Any:
     """Output socket of the height in metres of grain and height image, with a mean of 0; None if there is neither."""
-    parts = []
+    grain = None
     if surface.grain_amplitude_m > 0.0:
         about_0 = add_grain(tree, where, surface.grain_size_m, place)
-        parts.append(tree.math("MULTIPLY", "Grain Height", about_0, surface.grain_amplitude_m))
-    if pieces is not None and textured is not None and "height" in textured.maps:
-        of = textured.maps["height"]
-        sampled = pieces.separated("Map Height", pieces.sample("height", of))[0]
-        centred = tree.math("SUBTRACT", "Map About 0", sampled, of.mean[0])
-        parts.append(tree.math("MULTIPLY", "Map Height in Metres", centred, textured.settings.height_m))
-    if len(parts) == 2:
-        return tree.math("ADD", "Fine Height", *parts)
-    return parts[0] if parts else None
+        grain = tree.math("MULTIPLY", "Grain Height", about_0, surface.grain_amplitude_m)
+    return _add_sum(tree, grain, _add_image_height(tree, pieces, textured))
+
+
+def _add_image_height(tree: Tree, pieces: Sampler | None, textured: Textured | None) -> Any:
+    """Output socket of the height in metres of the height image, with a mean of 0; None if there is none."""
+    if pieces is None or textured is None or "height" not in textured.maps:
+        return None
+    of = textured.maps["height"]
+    sampled = pieces.separated("Map Height", pieces.sample("height", of))[0]
+    centred = tree.math("SUBTRACT", "Map About 0", sampled, of.mean[0])
+    return tree.math("MULTIPLY", "Map Height in Metres", centred, textured.settings.height_m)
+
+
+def _add_sum(tree: Tree, a: Any, b: Any) -> Any:
+    """Output socket of the sum of two heights. None is 0."""
+    if a is None or b is None:
+        return b if a is None else a
+    return tree.math("ADD", "Fine Height", a, b)
 
 
 def _add_snow(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],
@@ -157,11 +167,13 @@ def _add_law(material: bpy.types.Material, surface: SurfaceSettings, settings: S
 
 
 def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int,
-                   textured: Textured | None = None, settings: Settings | None = None) -> bpy.types.Material:
+                   textured: Textured | None = None, settings: Settings | None = None,
+                   by_fineness: bool = False) -> bpy.types.Material:
     """A material from ``surface`` settings whose reflectance in a white furnace is its albedo.
 
     ``settings`` are those of the whole scene, which laws that depend on the Sun need. ``semantic`` is the label in the
     material-index pass. Fine relief is bump, so that the true depth is that of the mesh, or it displaces the vertices.
+    REAL is both, if the mesh has the attribute ``SPACING``, which ``by_fineness`` states, and otherwise bump.
     The geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump.
     """
     material = bpy.data.materials.new(name)
@@ -190,15 +202,22 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
     relief: dict[str, Any] = {}
     displacement: dict[str, Any] = {}
     material.displacement_method = "BUMP"
-    height = _add_fine_height(tree, surface, geometry.outputs["Position"], grain_at, pieces, textured)
+    moved: Any = None
+    if surface.relief == "REAL" and by_fineness and surface.grain_amplitude_m > 0.0:
+        moved, painted = add_grain_by_fineness(tree, surface, geometry.outputs["Position"], grain_at)
+        height = _add_sum(tree, painted, _add_image_height(tree, pieces, textured))
+    else:
+        height = _add_fine_height(tree, surface, geometry.outputs["Position"], grain_at, pieces, textured)
+        if surface.relief == "DISPLACEMENT":
+            moved, height = height, None
     if pieces is not None and "normal" in found:
         relief["Normal"] = pieces.sample_normal(found["normal"])
-    if height is not None and surface.relief == "BUMP":
+    if height is not None:
         relief["Normal"] = add_bump(tree, height, 1.0, relief.get("Normal"))
-    if height is not None and surface.relief == "DISPLACEMENT":
+    if moved is not None:
         material.displacement_method = "DISPLACEMENT"
         displacement["Displacement"] = tree.node("ShaderNodeDisplacement", "Moved", {
-            "Height": height, "Midlevel": 0.0, "Scale": 1.0}, leave=("Normal",), space="OBJECT").outputs[0]
+            "Height": moved, "Midlevel": 0.0, "Scale": 1.0}, leave=("Normal",), space="OBJECT").outputs[0]
     else:
         output_leave.append("Displacement")
     smooth = settings is not None and only_camera_meets_relief(surface, settings.quality)

@@ -14,7 +14,9 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...physics.mesh.fine_relief import CARRIED, OCTAVES, wavelengths_m
 from ...typed_settings import SurfaceSettings
+from ..ground.terrain_mesh import SPACING
 from ..tree.builder import Tree, output
 from ..tree.formula import Number
 
@@ -24,7 +26,6 @@ _NOISE_MEAN, _NOISE_DEVIATION, _EDGE = 0.5, 0.069, 0.02
 #: The deviation that stains of a colour of the user's were made with, which is too large: they cover about 0.6 of a
 #: small share that is asked for. Pairs that have them must stay as they are.
 _DEVIATION_OF_OWN_SALT = 0.093
-GRAIN_OCTAVES = 3.0
 #: Largest offset of a field of grain from the origin on each axis, in wavelengths. There, single precision rounds to
 #: 1e-6 wavelengths. With 500 pixels for each wavelength, a tenth of a pixel is 2e-4 of it, so slopes are right within
 #: 1 %.
@@ -54,16 +55,46 @@ def add_grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float
     ``GRAIN_FARTHEST``, since bump uses differences over a tenth of a pixel. Bump evaluates the noise three times at
     every hit, so the noise has three dimensions, which take half as long as four.
     """
-    shifted = tree.node("ShaderNodeVectorMath", "Grain Place", {
-        "Vector": where, "Vector_001": (1.0 / wavelength_m,) * 3, "Vector_002": place},
-        operation="MULTIPLY_ADD").outputs[0]
-    askew = tree.node("ShaderNodeVectorMath", "Off the Lattice", {"Vector": shifted, "Vector_001": _OFF_LATTICE},
-                      operation="REFLECT").outputs[0]
+    askew = _add_grain_place(tree, where, wavelength_m, place)
     field = tree.node("ShaderNodeTexNoise", "Grain", {
-        "Vector": askew, "Scale": 1.0, "Detail": GRAIN_OCTAVES, "Roughness": 0.5, "Lacunarity": 2.0,
+        "Vector": askew, "Scale": 1.0, "Detail": OCTAVES - 1.0, "Roughness": 0.5, "Lacunarity": 2.0,
         "Distortion": 0.0}, noise_dimensions="3D", noise_type="FBM", normalize=True).outputs[0]
     centred = tree.math("SUBTRACT", "Grain About 0", field, _NOISE_MEAN)
     return tree.math("MULTIPLY", "Grain of Span 1", centred, _GRAIN_SPAN)
+
+
+def _add_grain_place(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float]) -> Any:
+    """Output socket of the place in the noise, in wavelengths, askew to its lattice."""
+    shifted = tree.node("ShaderNodeVectorMath", "Grain Place", {
+        "Vector": where, "Vector_001": (1.0 / wavelength_m,) * 3, "Vector_002": place},
+        operation="MULTIPLY_ADD").outputs[0]
+    return tree.node("ShaderNodeVectorMath", "Off the Lattice", {"Vector": shifted, "Vector_001": _OFF_LATTICE},
+                     operation="REFLECT").outputs[0]
+
+
+def add_grain_by_fineness(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float]) -> tuple[Any, Any]:
+    """Output sockets of the heights in metres of the grain that the vertices carry, and of the finer rest.
+
+    Their sum is ``add_grain`` times the amplitude, octave by octave. The mesh has the attribute ``SPACING``.
+    """
+    askew = _add_grain_place(tree, where, surface.grain_size_m, place)
+    spacing = output(tree.node("ShaderNodeAttribute", "Vertex Spacing", attribute_type="GEOMETRY",
+                               attribute_name=SPACING), "Fac")
+    carried: Any = None
+    rest: Any = None
+    spans = _GRAIN_SPAN * surface.grain_amplitude_m * 0.5 ** np.arange(OCTAVES) / (2.0 - 0.5 ** (OCTAVES - 1))
+    for k, (wave_m, span_m) in enumerate(zip(wavelengths_m(surface), spans, strict=True)):
+        field = tree.node("ShaderNodeTexNoise", f"Octave {k + 1}", {
+            "Vector": askew, "Scale": 2.0**k, "Detail": 0.0, "Roughness": 0.5, "Lacunarity": 2.0, "Distortion": 0.0},
+            noise_dimensions="3D", noise_type="FBM", normalize=True).outputs[0]
+        about_0 = tree.math("SUBTRACT", f"About 0, {k + 1}", field, _NOISE_MEAN)
+        height = tree.math("MULTIPLY", f"Height {k + 1}", about_0, float(span_m))
+        share = _add_share(tree, f"Carried {k + 1}", spacing, float(wave_m), float(wave_m) * CARRIED)
+        moved = tree.math("MULTIPLY", f"Moved {k + 1}", height, share)
+        painted = tree.math("SUBTRACT", f"Painted {k + 1}", height, moved)
+        carried = moved if carried is None else tree.math("ADD", f"Moved to {k + 1}", carried, moved)
+        rest = painted if rest is None else tree.math("ADD", f"Painted to {k + 1}", rest, painted)
+    return carried, rest
 
 
 def mark_elevation(mesh: bpy.types.Mesh, surface: SurfaceSettings,

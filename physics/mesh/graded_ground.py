@@ -2,29 +2,51 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ...typed_settings import Settings
+from ...typed_settings import RigSettings, Settings
 from ..terrain.terrain import Terrain
 from .cut_lines import cut_along
+from .fine_relief import carried_share, is_seen, nearest_m
 from .grading import CARRIED, Grading, grade
 from .horizon import drop_m
+from .split_triangles import split_triangles
 
 #: Vertices worked on at a time: neighbouring rings, whose noise is then looked up in one small table.
 _BLOCK = 16384
 
 
 @dataclass(frozen=True)
+class GradedMesh:
+    """Positions (n, 3), triangles (m, 3) and sharp edges (k, 2) of a mesh, see ``Graded.mesh``.
+
+    If it has fine relief, ``spacing_m`` (n,) are the spacings of vertices that are to be moved by it, infinite for the
+    others, and ``fine`` (m,) is whether a triangle is as small as the image resolves.
+    """
+
+    positions: np.ndarray
+    faces: np.ndarray
+    sharp: np.ndarray
+    spacing_m: np.ndarray | None = None
+    fine: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
 class Graded:
-    """Ground on a sphere that touches the map at the site, and the grading of its mesh."""
+    """Ground on a sphere that touches the map at the site, and the grading of its mesh.
+
+    ``rig`` settings are those of the cameras that fine relief is made for; None without.
+    """
 
     ground: Terrain
     grading: Grading
     body_radius_m: float
     cuts_crests: bool = False
+    rig: RigSettings | None = None
 
     @property
     def size_m(self) -> float:
@@ -51,6 +73,11 @@ class Graded:
 
         Wavelengths much shorter than the spacing at a vertex are left out there. Vertex 0 is under the left eye.
         """
+        made = self.mesh_with_relief()
+        return made.positions, made.faces, made.sharp
+
+    def mesh_with_relief(self) -> GradedMesh:
+        """``mesh``, and what of it is as fine as the image for fine relief."""
         rings = self.grading.rings
         x, y = rings.map_positions()
         step = rings.of_vertices(self.grading.spacing_at(rings.radius_m), self.grading.finest_m)
@@ -60,14 +87,43 @@ class Graded:
         for crests in (each.crests for each in self.ground.landforms if self.cuts_crests and each.crests):
             cut = cut_along(places, faces, step, crests.line, crests.apart_m)
             places, faces, sharp = _round_to_single(cut.places), cut.faces, np.concatenate([sharp, cut.sharp_edges()])
-            at = self.grading.view
-            step = self.grading.spacing_at(np.hypot(places[:, 0] - at.x_m, places[:, 1] - at.y_m))
+            step = self.grading.spacing_at(np.hypot(*self._from_the_site(places)))
+        whole = GradedMesh(self._raise(places, step), faces, sharp)
+        return whole if self.rig is None or self.grading.relief is None else self._cut_for_relief(whole, step)
+
+    def _from_the_site(self, places: np.ndarray) -> np.ndarray:
+        """East and north (2, n) of the left eye of places or positions (n, 2 or 3), in metres."""
+        return np.stack([places[:, 0] - self.grading.view.x_m, places[:, 1] - self.grading.view.y_m])
+
+    def _raise(self, places: np.ndarray, step: np.ndarray) -> np.ndarray:
+        """Positions (n, 3) of the ground at places (n, 2) of a mesh with spacings ``step`` (n,)."""
         positions = np.concatenate([places, np.zeros((len(places), 1))], axis=1)
         shortest = _round_to_single(CARRIED * step)
         for start in range(0, len(places), _BLOCK):
             some = slice(start, start + _BLOCK)
             positions[some, 2] = self.heights(positions[some, 0], positions[some, 1], shortest[some])
-        return positions, faces, sharp
+        return positions
+
+    def _cut_for_relief(self, whole: GradedMesh, step: np.ndarray) -> GradedMesh:
+        """The mesh with smaller triangles where fine relief is high enough and the cameras see it."""
+        relief, at = self.grading.relief, self.grading.view
+        assert relief is not None
+        assert self.rig is not None
+        east, north = self._from_the_site(whole.positions)
+        near = np.flatnonzero(at.nearest_m(np.hypot(east, north)) <= relief.to_m)
+        # Vertex 0 is under the left eye.
+        above = whole.positions[near, 2] - whole.positions[0, 2] - at.height_m
+        seen = np.zeros(len(whole.positions), bool)
+        seen[near] = is_seen(self.rig, east[near], north[near], above)
+        split = split_triangles(whole.faces, seen[whole.faces].any(axis=1), len(seen), relief.parts)
+        positions, step = split.spread(whole.positions), split.spread(step)
+        inside = ~split.bordering
+        inside[:len(seen)] &= np.isin(np.arange(len(seen)), split.faces[split.cut])
+        finer = np.flatnonzero(inside)
+        positions[finer] = self._raise(_round_to_single(positions[finer, :2]), step[finer] / relief.parts)
+        spacing = np.full(len(positions), np.inf)
+        spacing[finer] = step[finer] / relief.parts
+        return GradedMesh(positions, split.faces, whole.sharp, spacing, split.cut)
 
     def advice(self, settings: Settings) -> list[str]:
         """Sentences about a mesh that is coarser than the settings ask; none if it is not."""
@@ -75,9 +131,19 @@ class Graded:
         if self.grading.error_px <= mesh.error_px and wanted <= mesh.most:
             return []
         many = f"{wanted / 1e6:.3g} million" if wanted >= 1e5 else f"{wanted:.0f}"
+        if self.grading.error_px <= mesh.error_px:
+            return [self._relief_advice(settings, many)]
         return [f"A mesh within {mesh.error_px:g} px would take {many} vertices; this one keeps to mesh.most "
                 f"({mesh.most}) and is within {self.grading.error_px:.2g} px. Raise mesh.most, or mesh.error_px and "
                 "mesh.edge_px."]
+
+
+    def _relief_advice(self, settings: Settings, many: str) -> str:
+        relief, at = self.grading.relief, self.grading.view
+        spacing_m = relief.spacing_px * nearest_m(settings.rig) / at.pixels_per_radian if relief else math.inf
+        return (f"Fine relief as fine as the image takes a mesh of {many} vertices. This one keeps to mesh.most "
+                f"({settings.mesh.most}), so {carried_share(settings.surface, spacing_m):.0%} of the height of the "
+                "nearest relief is geometry and the rest is bump. Raise mesh.most, or set surface.relief to BUMP.")
 
 
 def _round_to_single(values: np.ndarray) -> np.ndarray:
@@ -90,4 +156,4 @@ def grade_ground(ground: Terrain, settings: Settings) -> Graded:
     cuts_crests = settings.mesh.crests == "CUT" and any(each.crests for each in ground.landforms)
     grading = grade(ground, settings)  # by the rounded crests, so that cutting them changes no spacing
     return Graded(ground.with_sharp_crests() if cuts_crests else ground, grading, float(settings.terrain.body_radius_m),
-                  cuts_crests)
+                  cuts_crests, settings.rig)

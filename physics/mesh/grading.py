@@ -21,6 +21,7 @@ import numpy as np
 
 from ...typed_settings import RigSettings, Settings
 from ..terrain.terrain import Terrain
+from .fine_relief import FineRelief, is_seen, relief_in_mesh
 from .horizon import horizon_m
 from .vertex_rings import RINGS_APART, Rings
 
@@ -41,6 +42,8 @@ CARRIED = 0.7
 _HIGHER = 1.25
 #: Ground is not looked at from closer than this share of the camera's height, however it rises to it.
 _CLOSEST = 0.25
+#: Beyond the ground with fine relief, the limit on the spacing grows with this power of the distance.
+_FADE = 4.0
 #: A strip between two rings has edges up to this much longer than its spacing.
 EDGE_OVER_SPACING = 1.4
 
@@ -82,7 +85,8 @@ def view_of(rig: RigSettings) -> View:
 class Grading:
     """The spacing that was found. ``nearest_m`` (n,) are distances to the eye, rising, and ``spacing_m`` (n,) the
     vertex spacings there; between them the spacing is a power of the distance. ``error_px`` is the error
-    that it keeps to, ``wanted_vertices`` what the bound asked for."""
+    that it keeps to, ``wanted_vertices`` what the bound asked for. ``relief`` is what is cut for fine
+    relief; the spacing is that before the cut."""
 
     view: View
     nearest_m: np.ndarray
@@ -90,10 +94,17 @@ class Grading:
     farthest_m: float
     error_px: float
     wanted_vertices: float
+    relief: FineRelief | None = None
 
     def spacing_at(self, radius_m: Any) -> Any:
         """Vertex spacing in metres at distances from the site in metres."""
-        return np.exp(np.interp(np.log(self.view.nearest_m(radius_m)), np.log(self.nearest_m), np.log(self.spacing_m)))
+        distance = self.view.nearest_m(radius_m)
+        spacing = np.exp(np.interp(np.log(distance), np.log(self.nearest_m), np.log(self.spacing_m)))
+        if self.relief is None:
+            return spacing
+        beyond = np.maximum(distance / self.relief.to_m, 1.0)
+        widest = self.relief.uncut_px / self.view.pixels_per_radian * distance * beyond**_FADE
+        return np.minimum(spacing, widest)
 
     @property
     def finest_m(self) -> float:
@@ -112,6 +123,22 @@ class Grading:
             radii.pop()
         radii[-1] = self.farthest_m
         return Rings.of(np.array(radii), self.spacing_at(np.array(radii)))
+
+
+def fine_relief_of(settings: Settings) -> FineRelief | None:
+    """Where the graded mesh of complete ``settings`` is to have fine relief; None if nowhere, or for other ground."""
+    return relief_in_mesh(settings, view_of(settings.rig).pixels_per_radian)
+
+
+def _count_cut(grading: Grading, rig: RigSettings) -> int:
+    """How many vertices are added for fine relief, on level ground."""
+    relief, at = grading.relief, grading.view
+    if relief is None:
+        return 0
+    rings = grading.rings
+    x, y = rings.map_positions()
+    near = at.nearest_m(np.hypot(x, y)) <= relief.to_m
+    return (relief.parts**2 - 1) * int(np.sum(is_seen(rig, x[near], y[near], np.full(int(near.sum()), -at.height_m))))
 
 
 def _even_points(count: int, dimensions: int) -> np.ndarray:
@@ -210,8 +237,8 @@ def _count_vertices(grading: Grading) -> float:
 def grade(ground: Terrain, settings: Settings) -> Grading:
     """The grading that complete ``settings`` ask for on a ground (not yet curved).
 
-    Where it would take more than ``mesh.most`` vertices all spacings are widened alike, and ``error_px`` is the
-    error that remains.
+    Where it would take more than ``mesh.most`` vertices, first those of fine relief are wider apart, then all, and
+    ``error_px`` is the error that remains.
     """
     mesh, at, body = settings.mesh, view_of(settings.rig), float(settings.terrain.body_radius_m)
     ground_m = float(ground.heights(at.x_m, at.y_m))
@@ -230,14 +257,20 @@ def grade(ground: Terrain, settings: Settings) -> Grading:
         # Six digits, as powers differ between machines in the last ones.
         pixels = np.array([float(f"{_interpolate(error_px, errors[::-1], spacings[::-1]):.5e}") for spacings,
                            errors in curves])
-        return Grading(at, nearest, wider * pixels * nearest / at.pixels_per_radian, farthest, error_px, wanted)
+        return Grading(at, nearest, wider * pixels * nearest / at.pixels_per_radian, farthest, error_px, wanted,
+                       relief)
 
+    relief = relief_in_mesh(settings, at.pixels_per_radian)
     error, wider, wanted = float(mesh.error_px), 1.0, 0.0
     grading = made(error)
-    wanted = _count_vertices(grading)
+    wanted = _count_vertices(grading) + _count_cut(grading, settings.rig)
     if wanted <= mesh.most and grading.rings.vertices <= mesh.most:
-        return made(error)
-    # First the error rises; where the longest edges alone are too many, they grow as well.
+        return made(error)  # with what it wants
+    while relief is not None and grading.rings.vertices + _count_cut(grading, settings.rig) > mesh.most:
+        coarser = relief.spacing_px * relief.parts / (relief.parts - 1) if relief.parts > 1 else math.inf
+        relief = replace(relief, parts=relief.parts - 1, spacing_px=coarser) if relief.parts > 2 else None
+        grading = made(error)
+    # Then the error rises; where the longest edges alone are too many, they grow as well.
     worst = max(errors[0] for _, errors in curves)
     while _count_vertices(grading) > mesh.most and error < worst:
         error *= _COARSER
@@ -245,6 +278,8 @@ def grade(ground: Terrain, settings: Settings) -> Grading:
     wider = max(1.0, math.sqrt(_count_vertices(grading) / mesh.most))
     while (grading := made(error, wider)).rings.vertices > mesh.most:
         wider *= _COARSER
+    if wider == 1.0 and error == mesh.error_px:
+        return grading
     left = [probe.error_px(spacing / distance * at.pixels_per_radian)
             for probe, spacing, distance in zip(probes, grading.spacing_m, nearest, strict=True)]
     return replace(grading, error_px=max(left))

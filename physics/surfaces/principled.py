@@ -80,7 +80,7 @@ def curve(surface: SurfaceSettings) -> tuple[np.ndarray, np.ndarray]:
     share = surface.transmission
     reflectance = (1.0 - share) * entered + share * _interpolate(table["transmission"], root, roughness)
     # Bumps lose the light that they send downward. Moved vertices lose none, they light each other.
-    steepness = surface.grain_amplitude_m / surface.grain_size_m * (surface.relief == "BUMP")
+    steepness = surface.grain_amplitude_m / surface.grain_size_m * (surface.relief != "DISPLACEMENT")
     return base, reflectance * np.interp(steepness, table["steepness"], table["bump"])
 
 

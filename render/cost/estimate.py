@@ -145,7 +145,7 @@ def _sample_cost(settings: Settings, topic: str) -> float:
     if surface.model == "PRINCIPLED":
         under = surface.subsurface_weight
         relative += _WALK * under / (under + _HALF) + _TRANSMISSION * surface.transmission
-    if surface.relief == "BUMP" and surface.grain_amplitude_m > 0:
+    if surface.relief != "DISPLACEMENT" and surface.grain_amplitude_m > 0:
         relative += _RELIEF_CAMERA if only_camera_meets_relief(surface, settings.quality) else _RELIEF
     return relative + _IMAGES * (settings.textures.set != "NONE")
 

@@ -30,7 +30,7 @@ GROUPS = {
                  "labels and normals",
     "subsurface": "model of subsurface scattering",
     "mesh": "largest error of the ground's mesh",
-    "relief": "fine relief as bump or as displacement",
+    "relief": "fine relief as bump or as geometry",
     "hapke": "terms and accuracy of Hapke's law",
 }
 #: Groups that vary the shape of the ground. Their reference has a finer shape.
@@ -50,6 +50,8 @@ _LONGEST_WALK_PX = 100.0
 _REFERENCE_BOUNCES = 32
 _REFERENCE_MOST = 2 * 65536
 _REFERENCE_ERROR_PX = 0.25
+#: Vertices that the mesh of the reference may have at least.
+_REFERENCE_VERTICES = 6_000_000
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Va
     """The scene with its light as accurate as possible: no denoiser, no threshold, many bounces, full fine relief, the
     most accurate Hapke's law.
 
-    With ``fine``, its shape is accurate too: the finest mesh, and displacement instead of bump. Each of two renders has
+    With ``fine``, its shape is accurate too: the finest mesh, and fine relief as geometry. Each of two renders has
     half the ``samples``, so that the remaining noise can be measured. Raises IcyMoonError for fewer than two samples,
     and for more than two renders can have.
     """
@@ -84,9 +86,10 @@ def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Va
     if settings.surface.model == "HAPKE":
         parts.append({"hapke": {"accuracy": "REFERENCE"}})
     if fine and _has_graded_mesh(settings):
-        parts.append({"mesh": {"error_px": min(_REFERENCE_ERROR_PX, settings.mesh.error_px)}})
+        parts.append({"mesh": {"error_px": min(_REFERENCE_ERROR_PX, settings.mesh.error_px),
+                               "most": max(_REFERENCE_VERTICES, settings.mesh.most)}})
     if fine:
-        parts.append({"surface": {"relief": "DISPLACEMENT"}})
+        parts.append({"surface": {"relief": "REAL"}})
     return Variant("reference", f"{samples} samples{', fine' * fine}", merged(settings, *parts))
 
 
@@ -134,9 +137,9 @@ def _variants_of(group: str, settings: Settings) -> list[Variant]:
                        (part.without, {"quality": {part.key: part.lean}}))) for part in _shortcuts(settings)]
     if group == "relief":
         surface = settings.surface
-        reliefs = {"shaded": "BUMP", "real": "DISPLACEMENT"}
+        reliefs = {"painted": "BUMP", "real": "REAL"}
         return [variant(name, {"surface": {"relief": relief}}) for name, relief in reliefs.items()
-                ] if surface.model == "PRINCIPLED" and surface.grain_amplitude_m > 0 else []
+                ] if settings.source.kind == "PROCEDURAL" and surface.grain_amplitude_m > 0 else []
     return _surface_models(group, settings)
 
 

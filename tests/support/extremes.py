@@ -17,6 +17,7 @@ from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, toml_text
+from icymoon.settings.changes import relief_in_mesh
 from icymoon.settings.table import TOPICS, Setting
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.exr import Light, View
@@ -208,7 +209,8 @@ def rays(pair: Pair, eye: str) -> tuple[np.ndarray, np.ndarray]:
 
 def _against_rays(pair: Pair, view: View, eye: str) -> Iterator[str]:
     """True depth against that of Blender's own rays through the same meshes."""
-    if "DISPLACEMENT" in (pair.settings.surface.relief, pair.settings.rock_surface.relief):
+    if "DISPLACEMENT" in (pair.settings.surface.relief, pair.settings.rock_surface.relief) or relief_in_mesh(
+            pair.settings):
         return  # which Cycles alone does
     start, toward = rays(pair, eye)
     scene, graph = bpy.context.scene, bpy.context.evaluated_depsgraph_get()

@@ -5,11 +5,19 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
+from extremes import rays
 from icymoon.benchmarks.furnace import plane, radiance
-from icymoon.labels import TERRAIN
+from icymoon.labels import NORMAL_AOV, TERRAIN, TRUTH
+from icymoon.nodes import preview
+from icymoon.nodes import scene as scenes
+from icymoon.nodes.ground.terrain_mesh import leave_unmoved
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.nodes.tree.builder import Tree, non_socket_values
 from icymoon.render import cycles_settings
+from icymoon.render.pairs.pair_folder import read_pair
+from icymoon.render.plans.planned_pair import expand_headings
+from icymoon.render.worker import render_pairs
+from icymoon.settings.description import merged
 from icymoon.stereo.images.exr import read_truth, read_view
 from rendering import complete, empty_scene, png, render
 
@@ -133,3 +141,86 @@ def test_grain_is_of_a_span_and_told_apart_by_the_seed():
         assert abs(field.mean()) < 0.01
         assert field.std() == pytest.approx(0.068, rel=0.1)
     assert abs(np.corrcoef(fields[0].ravel(), fields[1].ravel())[0, 1]) < 0.06
+
+
+#: A small camera near rough ice, without rocks.
+NEAR_ICE = {"rig": {"height_m": 0.2, "width_px": 96, "height_px": 72, "baseline_m": 0.03, "pitch_deg": 60.0},
+            "terrain": {"rms_slope_deg": 0.0}, "mesh": {"kind": "GRADED"}, "quality": {"samples": 1},
+            "surface": {"model": "LAMBERT", "grain_size_m": 0.05, "grain_amplitude_m": 0.02}}
+
+
+def shading_angles_deg(pair):
+    """Angles between the left eye's shading normals and facets, (n,)."""
+    facet = read_truth(pair.truth("left"), "left").normal
+    shading = read_truth(pair.truth("left"), "left", without=[f"{TRUTH}.{NORMAL_AOV}"]).normal
+    cosine = (facet * shading).sum(-1) / np.linalg.norm(facet, axis=-1) / np.linalg.norm(shading, axis=-1)
+    return np.degrees(np.arccos(np.clip(cosine[np.isfinite(cosine)], -1, 1)))
+
+
+@pytest.fixture(scope="module")
+def reliefs(tmp_path_factory):
+    """A pair for each kind of fine relief."""
+    folder = tmp_path_factory.mktemp("reliefs")
+    return {relief: render(folder / relief, NEAR_ICE, {"surface": {"relief": relief}})[0]
+            for relief in ("BUMP", "REAL")}
+
+
+def test_what_the_image_shows_of_real_relief_is_in_the_depth(reliefs):
+    painted, real = (np.median(shading_angles_deg(reliefs[relief])) for relief in ("BUMP", "REAL"))
+    assert painted > 8.0
+    assert real < 2.0
+
+
+def test_real_relief_is_as_high_in_the_depth_as_it_is_described(reliefs):
+    """On level ground: an RMS height of 0.068 of the amplitude. Few waves, and sides that face the camera, fill the
+    image, so it is within a fifth."""
+    for relief, expected in (("BUMP", 0.0), ("REAL", 0.068 * 0.02)):
+        pair = reliefs[relief]
+        start, toward = rays(pair, "left")
+        depth = read_truth(pair.truth("left"), "left").depth
+        height = (start + depth[..., None] * toward)[..., 2]
+        assert np.nanstd(height) == pytest.approx(expected, rel=0.2, abs=2e-5)
+
+
+def test_octaves_by_fineness_add_up_to_grain(tmp_path, one_seed):
+    """On a mesh that carries nothing of it, real relief is the same bump. Cycles then makes the normals at vertices
+    itself, and not quite as Blender does, which moves the ends of shades by a pixel here and there."""
+    coarse = {"mesh": {"kind": "GRID"}, "terrain": {"resolution": 129, "size_m": 8.0}, "quality": {"samples": 4}}
+    shown = []
+    for relief in ("BUMP", "REAL"):
+        empty_scene()
+        settings = complete(NEAR_ICE, coarse, {"surface": {"relief": relief}})
+        built = scenes.build(bpy.context.scene, settings)
+        leave_unmoved(built.terrain.data)
+        assert built.terrain.data.materials[0].displacement_method == "BUMP"  # a vertex in 6 cm carries nothing
+        ice = build_material("Again", settings.surface, 1, TERRAIN, None, settings, by_fineness=True)
+        assert ice.displacement_method == ("DISPLACEMENT" if relief == "REAL" else "BUMP")
+        built.terrain.data.materials[0] = ice
+        shown.append(radiance_of_left_eye(built, tmp_path / relief))
+    lit = shown[0] > 0.0
+    assert np.median(np.abs(shown[1][lit] / shown[0][lit] - 1.0)) < 0.02
+    assert np.corrcoef(shown[0].ravel(), shown[1].ravel())[0, 1] > 0.97
+
+
+def radiance_of_left_eye(built, folder):
+    (pair,) = render_pairs(built, expand_headings(built.settings), folder, 1, 0.0, lambda *a, **k: None)
+    return read_view(read_pair(pair).image("left")).radiance.astype(np.float64)
+
+
+def test_displacement_on_a_coarse_mesh_is_reported():
+    empty_scene()
+    built = scenes.build(bpy.context.scene, complete(NEAR_ICE, {"surface": {"relief": "DISPLACEMENT"}}))
+    assert any("of the height of the fine relief" in warning for warning in built.warnings)
+
+
+def test_grain_that_changes_asks_for_a_new_mesh_only_if_relief_is_in_it():
+    empty_scene()
+    settings = complete(NEAR_ICE, {"surface": {"relief": "BUMP"}})
+    built = scenes.build(bpy.context.scene, settings)
+    preview.show_settings(built, merged(settings, {"surface": {"grain_amplitude_m": 0.01}}), 33)
+    assert built.preview == {}
+    preview.show_settings(built, merged(settings, {"surface": {"relief": "REAL"}}), 33)
+    assert built.preview["surface"]["relief"] == "REAL"
+    assert built.settings.surface.relief == "BUMP"
+    preview.show_settings(built, settings, 33)
+    assert built.preview == {}

@@ -152,8 +152,8 @@ def test_the_steps_of_each_group_are_what_their_names_say():
 
 def test_groups_are_there_where_the_scene_has_something_of_them():
     grains = ("surface.grain_amplitude_m=0.004",)
-    assert set(of_group(scene("europa_rough_ice", *grains), "relief")) == {"shaded", "real"}
-    with pytest.raises(IcyMoonError, match=r"nothing to vary in relief \(fine relief as bump or as displacement\)"):
+    assert set(of_group(scene("europa_rough_ice", *grains), "relief")) == {"painted", "real"}
+    with pytest.raises(IcyMoonError, match=r"nothing to vary in relief \(fine relief as bump or as geometry\)"):
         variants(scene("europa_rough_ice", "surface.grain_amplitude_m=0"), ["relief"])
     for override in ("mesh.kind=GRID", "source.kind=HEIGHT_MAP"):
         with pytest.raises(IcyMoonError, match="nothing to vary in mesh"):
@@ -176,7 +176,7 @@ def test_a_reference_is_two_renders_of_half_its_samples():
     assert plain.settings.quality.samples == fine.settings.quality.samples == 100
     assert (plain.settings.quality.fine_relief, plain.settings.quality.diffuse_bounces) == ("ALL", 32)
     assert (plain.settings.mesh.error_px, plain.settings.surface.relief) == (1, "BUMP")
-    assert (fine.settings.mesh.error_px, fine.settings.surface.relief) == (0.25, "DISPLACEMENT")
+    assert (fine.settings.mesh.error_px, fine.settings.surface.relief) == (0.25, "REAL")
     assert reference(scene("europa_rough_ice", "mesh.error_px=0.1"), 2, True).settings.mesh.error_px == 0.1
     assert reference(scene("europa_rough_ice", "quality.diffuse_bounces=99")).settings.quality | {
         "samples": 512, "diffuse_bounces": 99} == reference(

@@ -1,0 +1,132 @@
+"""Fine relief of the ground as geometry: how far from the cameras it is high enough, and how fine the mesh is there.
+
+Fine relief is noise of four octaves. With ``surface.relief`` REAL, wavelengths that the vertices carry are moved
+vertices, and shorter ones are bump. What the cameras see of a graded mesh is as fine as the image wherever the relief
+is higher, in pixels, than half the largest error of the mesh: its triangles there are cut into smaller ones. A uniform
+grid, which is not made finer, carries what it can. Ground from a file keeps its vertices, and its relief is bump.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...typed_settings import RigSettings, Settings, SurfaceSettings
+
+#: Octaves of fine relief, each of half the wavelength and half the height of the one before.
+OCTAVES = 4
+#: RMS height of fine relief over its amplitude, as measured by ``tests/nodes/surface/test_fine_relief.py``.
+DEVIATION = 0.068
+#: Height of fine relief over its RMS height: from two standard deviations below the mean to two above.
+_SPAN = 4.0
+#: Height from which relief is geometry, in units of the mesh's largest error.
+_LEAST = 0.5
+#: Spacing of the vertices there, in pixels, or in units of the largest error if that is more. With 1.25 the median
+#: angle between shading normal and facet is below 2 degrees, with 1.5 it is 3.5 (``benchmarks/fine_relief.py``).
+_SPACING = 1.25
+#: Displacement that carries less than this share of the height is reported.
+_MOST_CARRIED = 0.95
+#: A wave is moved vertices if the spacing is at most this share of its wavelength, bump if it is the whole wavelength.
+CARRIED = 1.0 / 1.5
+#: Parts into which sides of triangles are cut for it, the fewer where the vertices would be too many.
+PARTS = 3
+#: Share of the image by which what the cameras see is taken larger: tilted ground, eyes that turn or move.
+_MARGIN = 0.05
+#: Settings of the surface on which a mesh with fine relief depends, and those of the rig besides those of any graded
+#: mesh.
+OF_THE_SURFACE = ("relief", "grain_size_m", "grain_amplitude_m")
+OF_THE_RIG = ("pitch_deg", "heading_deg", "principal_x_px", "principal_y_px", "overscan", "toe_in_deg")
+
+
+def wavelengths_m(surface: SurfaceSettings) -> np.ndarray:
+    """Wavelengths (4,) of the octaves of fine relief in metres, longest first."""
+    return np.asarray(surface.grain_size_m * 0.5 ** np.arange(OCTAVES))
+
+
+def height_m(surface: SurfaceSettings) -> float:
+    """Height of fine relief in metres, between the lowest and the highest 2 % of the surface."""
+    return float(_SPAN * DEVIATION * surface.grain_amplitude_m)
+
+
+def carried_share(surface: SurfaceSettings, spacing_m: float) -> float:
+    """Share of the RMS height of fine relief that vertices ``spacing_m`` apart carry."""
+    waves = wavelengths_m(surface)
+    share = np.clip((1.0 - spacing_m / waves) / (1.0 - CARRIED), 0.0, 1.0)
+    weight = 0.25 ** np.arange(OCTAVES)
+    return math.sqrt(float(share**2 @ weight / weight.sum()))
+
+
+def displacement_advice(settings: Settings, spacing_m: float) -> list[str]:
+    """A sentence if displacement loses fine relief on a mesh whose nearest vertices are ``spacing_m`` apart."""
+    surface = settings.surface
+    if surface.relief != "DISPLACEMENT" or surface.grain_amplitude_m == 0.0:
+        return []
+    share = carried_share(surface, spacing_m)
+    if share > _MOST_CARRIED:
+        return []
+    return [f"surface.relief is DISPLACEMENT, but the nearest vertices are {1e3 * spacing_m:.2g} mm apart, so the mesh "
+            f"has {share:.0%} of the height of the fine relief; set surface.relief to REAL, or make the mesh finer."]
+
+
+def nearest_m(rig: RigSettings) -> float:
+    """Distance in metres of the nearest level ground that the images show; the camera's height if they look up."""
+    half = (0.5 + float(rig.overscan)) * int(rig.height_px) + abs(float(rig.principal_y_px))
+    focal_px = rig.width_px * rig.focal_length_mm / rig.sensor_width_mm
+    down = math.radians(rig.pitch_deg) + math.atan(half / focal_px)
+    return float(rig.height_m) / math.sin(down) if 0 < down < math.pi / 2 else float(rig.height_m)
+
+
+@dataclass(frozen=True)
+class FineRelief:
+    """Distance from the nearer eye in metres up to which fine relief is geometry, the parts into which sides of
+    triangles are cut there, and the spacing of the vertices then in pixels."""
+
+    to_m: float
+    parts: int
+    spacing_px: float
+
+    @property
+    def uncut_px(self) -> float:
+        """Largest vertex spacing in pixels before triangles are cut."""
+        return self.parts * self.spacing_px
+
+
+def relief_in_mesh(settings: Settings, pixels_per_radian: float) -> FineRelief | None:
+    """What the graded mesh of complete ``settings`` is to have of fine relief; None for nothing."""
+    if not is_real(settings) or settings.mesh.kind != "GRADED":
+        return None
+    error_px = float(settings.mesh.error_px)
+    farthest = height_m(settings.surface) * pixels_per_radian / (_LEAST * error_px)
+    return FineRelief(farthest, PARTS, _SPACING * max(error_px, 1.0)) if farthest > nearest_m(settings.rig) else None
+
+
+def is_seen(rig: RigSettings, east_m: np.ndarray, north_m: np.ndarray, above_m: np.ndarray) -> np.ndarray:
+    """Whether either eye of the rig has points in its frame or near it.
+
+    The points (n,) are metres east and north of the left eye and above it (most often negative).
+    """
+    heading, pitch = math.radians(rig.heading_deg), math.radians(rig.pitch_deg)
+    right = east_m * math.cos(heading) - north_m * math.sin(heading)
+    ahead = east_m * math.sin(heading) + north_m * math.cos(heading)
+    depth = ahead * math.cos(pitch) - above_m * math.sin(pitch)
+    down = -ahead * math.sin(pitch) - above_m * math.cos(pitch)
+    scale = rig.sensor_width_mm / rig.focal_length_mm / rig.width_px
+    larger = (1.0 + 2.0 * (rig.overscan + _MARGIN)) / 2.0
+    wide = scale * (larger * rig.width_px + abs(rig.principal_x_px)) + math.tan(math.radians(abs(rig.toe_in_deg)))
+    high = scale * (larger * rig.height_px + abs(rig.principal_y_px))
+    return np.asarray((depth > 0.0) & (np.abs(down) < high * depth) & (right > -wide * depth)
+                      & (right < wide * depth + rig.baseline_m))
+
+
+def is_real(settings: Settings) -> bool:
+    """Whether complete ``settings`` ask for fine relief as geometry, on ground whose vertices are made here."""
+    surface = settings.surface
+    return bool(surface.relief == "REAL" and surface.grain_amplitude_m > 0.0 and settings.source.kind == "PROCEDURAL")
+
+
+def is_carried_by_grid(settings: Settings) -> bool:
+    """Whether complete ``settings`` ask for fine relief as geometry, and a uniform grid carries any of it."""
+    terrain = settings.terrain
+    return is_real(settings) and carried_share(settings.surface, terrain.size_m / (terrain.resolution - 1)) > 0.0

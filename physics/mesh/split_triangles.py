@@ -1,0 +1,72 @@
+"""Some triangles of a mesh cut into equal smaller ones, without a crack to those that stay whole."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Split:
+    """A mesh after the cut. Its first vertices are those of the mesh before.
+
+    Each added vertex is the mean of three earlier ones, ``parents`` (a, 3), with ``weights`` (a, 3). ``faces`` (m, 3)
+    int32 are the triangles, those that were not cut first; ``cut`` (m,) is whether a triangle is part of a cut one.
+    ``bordering`` (n,) is whether a vertex touches, or lies on an edge of, a triangle that was not cut.
+    """
+
+    parents: np.ndarray
+    weights: np.ndarray
+    faces: np.ndarray
+    cut: np.ndarray
+    bordering: np.ndarray
+
+    def spread(self, values: np.ndarray) -> np.ndarray:
+        """Values (n, …) of all vertices from those of the vertices before the cut."""
+        of_parents = np.asarray(values)[self.parents]
+        weights = self.weights.reshape(self.weights.shape + (1,) * (of_parents.ndim - 2))
+        return np.concatenate([values, (of_parents * weights).sum(axis=1)])
+
+
+def split_triangles(faces: np.ndarray, which: np.ndarray, vertices: int, parts: int) -> Split:
+    """Cut each side of the triangles (k, 3) in a mask (k,) of a mesh of so many ``vertices`` into equal ``parts``.
+
+    Both triangles at an edge get the same vertices on it. Vertices on the border of the mask are on straight edges of
+    triangles that stay whole, so they must be left there.
+    """
+    chosen = faces[which].astype(np.int64)
+    begin, end = chosen, chosen[:, [1, 2, 0]]
+    low, high = np.minimum(begin, end), np.maximum(begin, end)
+    keys, edge, uses = np.unique((low * vertices + high).ravel(), return_inverse=True, return_counts=True)
+    edge = edge.reshape(-1, 3)
+    along, inside = parts - 1, (parts - 1) * (parts - 2) // 2
+    first_inside = vertices + along * len(keys)
+
+    def on_edge(side: int, step: int) -> np.ndarray:
+        """Vertices ``step`` parts from the begin of a side, of each triangle."""
+        from_low = np.where(begin[:, side] == low[:, side], step, parts - step)
+        return np.asarray(vertices + along * edge[:, side] + from_low - 1)
+
+    ids: dict[tuple[int, int], np.ndarray] = {
+        (0, 0): chosen[:, 0], (parts, 0): chosen[:, 1], (0, parts): chosen[:, 2]}
+    for k in range(1, parts):
+        ids[k, 0], ids[parts - k, k], ids[0, parts - k] = on_edge(0, k), on_edge(1, k), on_edge(2, k)
+    middle = [(i, j) for j in range(1, parts) for i in range(1, parts - j)]
+    for k, place in enumerate(middle):
+        ids[place] = first_inside + inside * np.arange(len(chosen)) + k
+    up = [((i, j), (i + 1, j), (i, j + 1)) for j in range(parts) for i in range(parts - j)]
+    down = [((i + 1, j), (i + 1, j + 1), (i, j + 1)) for j in range(parts - 1) for i in range(parts - 1 - j)]
+    small = np.concatenate([np.stack([ids[corner] for corner in corners], axis=1) for corners in (*up, *down)])
+
+    share = np.tile(np.arange(1, parts) / parts, len(keys))
+    ends = np.repeat(np.stack([keys // vertices, keys % vertices, keys % vertices], axis=1), along, axis=0)
+    weights = np.array([[parts - i - j, i, j] for i, j in middle]).reshape(-1, 3) / parts
+    border = np.concatenate([np.zeros(vertices, bool), np.repeat(uses == 1, along),
+                             np.zeros(inside * len(chosen), bool)])
+    border[np.unique(faces[~which])] = True
+    return Split(
+        np.concatenate([ends, np.repeat(chosen, inside, axis=0)]),
+        np.concatenate([np.stack([1.0 - share, share, 0.0 * share], axis=1), np.tile(weights, (len(chosen), 1))]),
+        np.concatenate([faces[~which], small]).astype(np.int32),
+        np.repeat([False, True], [int(np.sum(~which)), len(small)]), border)
