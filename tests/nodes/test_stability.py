@@ -47,5 +47,7 @@ def test_truth_is_the_same_and_the_light_as_stated(scene, tmp_path):
         noise = _SIGMAS * np.sqrt(1 + 1 / stability.REPEATS)
         # A region's noise, known from 8 renders, may be underrated by half: the regions lend each other theirs.
         of_region = np.maximum(wanted[eye]["noise"], np.median(np.array(wanted[eye]["noise"]) / mean) * mean)
-        assert abs(radiance.mean() / mean.mean() - 1 - moved) < noise * wanted[eye]["mean_noise"] / mean.mean() + 1e-4
+        # The noise of the image's mean may be underrated threefold: that of the regions says what it is at least.
+        of_mean = max(wanted[eye]["mean_noise"], np.linalg.norm(wanted[eye]["noise"]) / mean.size)
+        assert abs(radiance.mean() / mean.mean() - 1 - moved) < noise * of_mean / mean.mean() + 1e-4
         assert (np.abs(radiance / mean - 1) < noise * of_region / mean + regions_moved + 1e-4).all()
