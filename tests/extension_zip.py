@@ -14,7 +14,7 @@ from collections import Counter
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("commands", "formats", "library", "nodes", "operators", "panels", "physics", "render", "settings", "stereo")
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 NEEDED = ("blender_manifest.toml", "LICENSE", "stereo/report/report.html.j2", "stereo/environment/evaluator.lock",
           "presets/scenes/europa_rough_ice.toml")
 
@@ -32,8 +32,8 @@ def blender_ext() -> Path:
 def shipped() -> set[str]:
     """What belongs into the zip: the package's code and data, and nothing else."""
     files = [ROOT / name for name in ("blender_manifest.toml", "LICENSE")] + list(ROOT.glob("*.py"))
-    for package in PACKAGES:
-        files += (ROOT / package).rglob("*.py")
+    for package in PYPROJECT["tool"]["setuptools"]["packages"]:
+        files += ROOT.joinpath(*package.split(".")[1:]).glob("*.py")
     data = ("docs/**/*.md", "docs/*.json", "presets/**/*.toml", "presets/previews/**/*.jpg", "stereo/*/*.j2",
             "stereo/*/*.js", "stereo/*/*.css", "stereo/*/*.lock", "nodes/*/*.osl", "settings/*.json",
             "physics/*/*.json", "physics/*/*.csv")
@@ -51,9 +51,8 @@ def faults(archive: Path) -> list[str]:
               for name, count in sorted(strange.items())]
     found += [f"{name} is not there" for name in NEEDED if name not in names]
     manifest = tomllib.loads((ROOT / "blender_manifest.toml").read_text(encoding="utf-8"))
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    if manifest["version"] != project["version"]:
-        found.append(f"blender_manifest.toml is version {manifest['version']}, pyproject.toml {project['version']}")
+    if manifest["version"] != (version := PYPROJECT["project"]["version"]):
+        found.append(f"blender_manifest.toml is version {manifest['version']}, pyproject.toml {version}")
     return found
 
 
