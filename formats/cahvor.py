@@ -1,0 +1,322 @@
+"""The camera models CAHV, CAHVOR and CAHVORE, in which cameras of Mars rovers and landers are calibrated.
+
+C is the centre, A the axis, H and V the horizontal and vertical vectors, O the optical axis of the distortion, R its
+radial coefficients, E those of the entrance pupil. Yakimovsky and Cunningham 1978 (Computer Graphics and Image
+Processing 7, 195), Gennery 2006 (International Journal of Computer Vision 68, 239), Di and Li 2004 (JGR Planets 109,
+E04004). Distances are in metres; pixels are counted from the centre of the first one, (0, 0), columns right, rows down.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..physics.camera.lens_distortion import distort
+
+_LETTERS = "CAHVORE"
+_NAMES = {"C": "CENTER", "A": "AXIS", "H": "HORIZONTAL", "V": "VERTICAL", "O": "OPTICAL", "R": "RADIAL",
+          "E": "ENTRANCE"}
+_UNITS = {"C": "METER", "H": "PIXEL", "V": "PIXEL"}
+#: How far H and V of a camera with square, upright pixels may be from being perpendicular, as a cosine.
+_SKEW = 1e-6
+#: Largest difference, px, that a fitted model may have from the lens, unless more is asked for.
+FIT_LIMIT_PX = 0.05
+_STEPS = 60
+
+
+@dataclass(frozen=True)
+class Cahvor:
+    """A camera by its vectors (3,), world axes.
+
+    ``o`` and ``r`` are None for CAHV, ``e`` for all but CAHVORE, whose ``linearity`` is 1 for perspective and 0 for
+    fisheye. ``residual_px`` is the largest error of a model that was fitted to another lens, 0 where it is exact.
+    """
+
+    c: np.ndarray
+    a: np.ndarray
+    h: np.ndarray
+    v: np.ndarray
+    width_px: int
+    height_px: int
+    o: np.ndarray | None = None
+    r: np.ndarray | None = None
+    e: np.ndarray | None = None
+    linearity: float = 1.0
+    residual_px: float = 0.0
+
+    @property
+    def kind(self) -> str:
+        """CAHV, CAHVOR or CAHVORE."""
+        return "CAHV" if self.o is None else "CAHVOR" if self.e is None else "CAHVORE"
+
+    def project(self, points_m: np.ndarray) -> np.ndarray:
+        """Column and row (..., 2) of points (..., 3) in world axes, in metres; NaN behind the camera of a CAHV(OR)."""
+        d = np.asarray(points_m, np.float64) - self.c
+        if self.o is not None and self.r is not None:
+            d = self._distort(d, self.o, self.r)
+        ahead = d @ self.a
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = np.stack([d @ self.h / ahead, d @ self.v / ahead], axis=-1)
+        return np.where((ahead > 0)[..., None], found, np.nan)
+
+    def _distort(self, d: np.ndarray, o: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """Directions (..., 3) as the lens bends them."""
+        if self.e is not None:  # the pupil's shift is in units of the distance
+            d = d / np.linalg.norm(d, axis=-1, keepdims=True)
+        zeta = d @ o
+        away = d - zeta[..., None] * o
+        l2 = (away ** 2).sum(axis=-1)
+        if self.e is None:
+            t = l2 / zeta ** 2
+            return d + (r[0] + t * (r[1] + t * r[2]))[..., None] * away
+        length = np.sqrt(l2)
+        chi = _chi(_pupil_angle(zeta, length, self.e), self.linearity)
+        mu = r[0] + chi ** 2 * (r[1] + chi ** 2 * r[2])
+        along = np.where(chi > 1e-8, length / np.where(chi > 1e-8, chi, 1.0), zeta)
+        return along[..., None] * o + (1 + mu)[..., None] * away
+
+    def pinhole(self) -> tuple[np.ndarray, np.ndarray]:
+        """K (3, 3) and the rotation (3, 3) from world axes to the camera's, x right, y down, z forward.
+
+        Raises IcyMoonError for pixels that are no rectangles.
+        """
+        hc, vc = float(self.h @ self.a), float(self.v @ self.a)
+        right, down = self.h - hc * self.a, self.v - vc * self.a
+        fx, fy = float(np.linalg.norm(right)), float(np.linalg.norm(down))
+        if not (fx > 0 and fy > 0 and abs(np.linalg.norm(self.a) - 1) < 1e-6):
+            raise IcyMoonError("The camera model has no unit axis A, or H or V along it; check its file.")
+        if abs(right @ down) > _SKEW * fx * fy:
+            raise IcyMoonError("The pixels of the camera model are skewed, which Icy Moon's cameras cannot be; rectify "
+                               "its images first.")
+        return np.array([[fx, 0, hc], [0, fy, vc], [0, 0, 1.0]]), np.stack([right / fx, down / fy, self.a])
+
+
+def _pupil_angle(zeta: np.ndarray, length: np.ndarray, e: np.ndarray) -> np.ndarray:
+    """Angles off the optical axis at which light enters the moving pupil, by Newton's method."""
+    theta = np.arctan2(length, zeta)
+    for _ in range(_STEPS if e.any() else 0):
+        sine, cosine, t2 = np.sin(theta), np.cos(theta), theta ** 2
+        shift = e[0] + t2 * (e[1] + t2 * e[2])
+        value = zeta * sine - length * cosine - (theta - sine) * shift
+        slope = (zeta * cosine + length * sine - (1 - cosine) * shift
+                 - (theta - sine) * theta * (2 * e[1] + 4 * e[2] * t2))
+        step = value / slope
+        theta = theta - step
+        if np.abs(step).max(initial=0.0) < 1e-15:
+            break
+    return theta
+
+
+def _chi(theta: np.ndarray, linearity: float) -> np.ndarray:
+    if linearity < 0:
+        return np.asarray(np.sin(linearity * theta) / linearity)
+    return np.asarray(np.tan(linearity * theta) / linearity) if linearity > 0 else theta
+
+
+def from_pinhole(matrix: np.ndarray, rotation: np.ndarray, centre_m: np.ndarray, size_px: tuple[int, int],
+                 k: Sequence[float] = (), most_px: float = FIT_LIMIT_PX) -> Cahvor:
+    """The model of a camera with matrix K (3, 3), ``rotation`` (3, 3) from world axes to its own, and distortion ``k``,
+    OpenCV's k1, k2, p1, p2, k3.
+
+    k1 and k2 are exact in CAHVOR, with O along A. With others the model is fitted to the lens over the image. Raises
+    IcyMoonError if it is then off by more than ``most_px``.
+    """
+    fx, fy, cx, cy = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
+    right, down, a = rotation
+    plain = Cahvor(centre_m, a, fx * right + cx * a, fy * down + cy * a, *size_px)
+    if not any(k):
+        return plain
+    k1, k2, p1, p2, k3 = k
+    if not (p1 or p2 or k3):
+        return Cahvor(plain.c, plain.a, plain.h, plain.v, *size_px, a, np.array([0.0, k1, k2]))
+    return _fit(matrix, rotation, centre_m, size_px, (k1, k2, p1, p2, k3), most_px)
+
+
+def _grid(width: int, height: int) -> np.ndarray:
+    """Columns and rows (n, 2) of pixels all over an image."""
+    return np.stack(np.meshgrid(np.linspace(0, width - 1, 33), np.linspace(0, height - 1, 25)), axis=-1).reshape(-1, 2)
+
+
+def _made(p: np.ndarray, rotation: np.ndarray, centre_m: np.ndarray, size_px: tuple[int, int]) -> Cahvor:
+    """A CAHVOR by fx, fy, cx, cy, the two angles of O off A, and R."""
+    right, down, a = rotation
+    o = np.array([np.sin(p[4]) * np.cos(p[5]), np.sin(p[5]), np.cos(p[4]) * np.cos(p[5])]) @ rotation
+    return Cahvor(centre_m, a, p[0] * right + p[2] * a, p[1] * down + p[3] * a, *size_px, o, p[6:9])
+
+
+def _fit(matrix: np.ndarray, rotation: np.ndarray, centre_m: np.ndarray, size_px: tuple[int, int],
+         k: tuple[float, ...], most_px: float) -> Cahvor:
+    """The nearest CAHVOR, by least squares over the image (Levenberg and Marquardt)."""
+    width, height = size_px
+    pixels = _grid(width, height)
+    focal, principal = matrix[[0, 1], [0, 1]], matrix[:2, 2]
+    rays = (pixels - principal) / focal
+    target = distort(rays, k) * focal + principal
+    points = np.concatenate([rays, np.ones((len(rays), 1))], axis=1) @ rotation + centre_m
+
+    def residuals(p: np.ndarray) -> np.ndarray:
+        return (_made(p, rotation, centre_m, size_px).project(points) - target).ravel()
+
+    p = np.array([*focal, *principal, 0.0, 0.0, 0.0, k[0], k[1]])
+    scale = np.array([*focal, width, height, 0.1, 0.1, 0.1, 0.1, 0.1])
+    damping, found = 1e-3, residuals(p)
+    for _ in range(_STEPS):
+        slope = np.stack([(residuals(p + step) - found) / 1e-6 for step in np.diag(1e-6 * scale)], axis=1)
+        change = np.linalg.solve(slope.T @ slope + damping * np.diag((slope ** 2).sum(axis=0) + 1e-12),
+                                 -slope.T @ found)
+        tried = residuals(p + change * scale)
+        if tried @ tried < found @ found:
+            p, found, damping = p + change * scale, tried, damping / 5
+        else:
+            damping *= 5
+        if np.abs(change).max() < 1e-10 or damping > 1e12:
+            break
+    residual = float(np.abs(found).max())
+    if not residual <= most_px:
+        raise IcyMoonError(f"rig.distortion_p1, p2 and k3 have no equal in CAHVOR: the nearest model is off by up to "
+                           f"{residual:.2g} px, more than {most_px:g} px; export raw, or lower them.")
+    made = _made(p, rotation, centre_m, size_px)
+    return Cahvor(made.c, made.a, made.h, made.v, *size_px, made.o, made.r, residual_px=residual)
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A camera with square pixels and OpenCV's distortion ``k``: k1, k2, p1, p2, k3.
+
+    ``residual_px`` is its largest difference over the image from the model that it stands for, 0 where it is exact.
+    """
+
+    focal_px: float
+    cx_px: float
+    cy_px: float
+    k: tuple[float, ...]
+    residual_px: float
+
+
+def nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
+    """The lens of a camera of Icy Moon that is nearest to a model, with the model's centre and rotation.
+
+    CAHV, and CAHVOR with O along A and without its first coefficient, are exact if pixels are square. Raises
+    IcyMoonError if the nearest lens is off by more than ``most_px``.
+    """
+    matrix, rotation = model.pinhole()
+    focal, principal = matrix[[0, 1], [0, 1]], matrix[:2, 2]
+    radial = model.e is None and (model.o is None or model.r is None or (
+        model.r[0] == 0.0 and np.allclose(model.o, model.a, rtol=0, atol=1e-12)))
+    if radial and abs(focal[0] - focal[1]) < 1e-9 * focal[0]:
+        k1, k2 = (0.0, 0.0) if model.r is None else model.r[1:]
+        return Lens(float(focal[0]), *map(float, principal), (float(k1), float(k2), 0.0, 0.0, 0.0), 0.0)
+    # Columns and rows are linear in f, cx, cy and f times each coefficient.
+    x, y = ((_grid(model.width_px, model.height_px) - principal) / focal).T
+    seen = model.project(np.stack([x, y, np.ones_like(x)], axis=1) @ rotation + model.c)
+    r2, one, none = x ** 2 + y ** 2, np.ones_like(x), np.zeros_like(x)
+    columns = [(x, y), (one, none), (none, one), (x * r2, y * r2), (x * r2 ** 2, y * r2 ** 2),
+               (2 * x * y, r2 + 2 * y ** 2), (r2 + 2 * x ** 2, 2 * x * y), (x * r2 ** 3, y * r2 ** 3)]
+    design = np.stack([np.concatenate(each) for each in columns], axis=1)
+    wanted = seen.T.ravel()
+    found, *_ = np.linalg.lstsq(design, wanted, rcond=None)
+    residual = float(np.abs(design @ found - wanted).max())
+    if not residual <= most_px:
+        raise IcyMoonError("The lens of the camera model has no equal in k1, k2, p1, p2, k3: the nearest is off by up "
+                           f"to {residual:.2g} px, more than {most_px:g} px; rectify its images first.")
+    f, cx, cy, *k = found.tolist()
+    return Lens(f, cx, cy, tuple(each / f for each in k), residual)
+
+
+def cahvor_text(model: Cahvor) -> str:
+    """The model in the text form of JPL's and mrcal's ``.cahvor`` files, with all digits."""
+    matrix, _ = model.pinhole()
+    words = {"CAHV": "CAHV = perspective, linear", "CAHVOR": "CAHVOR = perspective, distortion",
+             "CAHVORE": f"CAHVORE3,{model.linearity:.17g} = general"}[model.kind]
+    lines = [f"Dimensions = {model.width_px} {model.height_px}", f"Model = {words}"]
+    if model.residual_px:
+        lines.insert(0, f"# fitted to a lens that is no CAHVOR, off by up to {model.residual_px:.2g} px")
+    lines += [f"{letter} = {' '.join(f'{value:.17g}' for value in vector)}" for letter, vector in _vectors(model)]
+    lines += [f"{name} = {value:.17g}" for name, value in (
+        ("Hs", matrix[0, 0]), ("Hc", matrix[0, 2]), ("Vs", matrix[1, 1]), ("Vc", matrix[1, 2]))]
+    return "\n".join([*lines, "Theta = -1.5707963267948966 (-90.0 deg)", ""])
+
+
+def pds_text(model: Cahvor, frame: str) -> str:
+    """The model as a group of a PDS3 label; ``frame`` names the coordinate system that the vectors are in."""
+    vectors = _vectors(model)
+    letters = [letter for letter, _ in vectors]
+
+    def quoted(words: Sequence[str]) -> str:
+        return "(" + ", ".join(f'"{word}"' for word in words) + ")"
+
+    # The letters T and P are the type of CAHVORE, 3 for general, and its linearity.
+    more = ["T", "P"] if model.kind == "CAHVORE" else []
+    names = [*(_NAMES[x] for x in letters), *(["TYPE", "PARAMETER"] if more else [])]
+    lines = ["GROUP = GEOMETRIC_CAMERA_MODEL", f'  MODEL_TYPE = "{model.kind}"',
+             f"  MODEL_COMPONENT_ID = {quoted([*letters, *more])}",
+             f"  MODEL_COMPONENT_NAME = {quoted(names)}",
+             f"  MODEL_COMPONENT_UNIT = {quoted([*(_UNITS.get(x, 'N/A') for x in letters), *(['N/A'] * len(more))])}"]
+    lines += [f"  MODEL_COMPONENT_{k} = ({', '.join(f'{value:.17g}' for value in vector)})"
+              for k, (_, vector) in enumerate(vectors, 1)]
+    if more:
+        lines += [f"  MODEL_COMPONENT_{len(vectors) + 1} = 3",
+                  f"  MODEL_COMPONENT_{len(vectors) + 2} = {model.linearity:.17g}"]
+    lines += [f'  REFERENCE_COORD_SYSTEM_NAME = "{frame}"', "  REFERENCE_COORD_SYSTEM_INDEX = 0",
+              "END_GROUP = GEOMETRIC_CAMERA_MODEL", "GROUP = IMAGE_DATA", f"  LINES = {model.height_px}",
+              f"  LINE_SAMPLES = {model.width_px}", "END_GROUP = IMAGE_DATA", "END", ""]
+    return "\r\n".join(lines)
+
+
+def _vectors(model: Cahvor) -> list[tuple[str, np.ndarray]]:
+    found = zip(_LETTERS, (model.c, model.a, model.h, model.v, model.o, model.r, model.e), strict=True)
+    return [(letter, vector) for letter, vector in found if vector is not None]
+
+
+def read_model(path: Path) -> Cahvor:
+    """A camera model from a ``.cahvor`` file, or from a PDS3 label with the group GEOMETRIC_CAMERA_MODEL.
+
+    Raises IcyMoonError if it is none, or incomplete.
+    """
+    try:
+        text = path.read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise IcyMoonError(f"{path} cannot be read ({error.strerror}); give a camera model.") from None
+    of_pds = "GEOMETRIC_CAMERA_MODEL" in text
+    vectors, linearity = _read_pds(text) if of_pds else _read_cahvor(text)
+    sizes = [re.search(rf"(?m)^\s*{key}\s*=\s*(\d+)", text) for key in ("LINE_SAMPLES", "LINES")] if of_pds else [
+        re.search(r"(?m)^\s*Dimensions\s*=\s*(\d+)", text), re.search(r"(?m)^\s*Dimensions\s*=\s*\d+\s+(\d+)", text)]
+    missing = [letter for letter in "CAHV" if letter not in vectors]
+    if missing or ("O" in vectors) != ("R" in vectors) or not all(sizes):
+        what = f"the vector {missing[0]}" if missing else "the size of the image" if not all(sizes) else "O or R"
+        raise IcyMoonError(f"{path} is no camera model that is read here: {what} is missing; give a .cahvor file or a "
+                           "PDS3 label.")
+    width, height = (int(found[1]) for found in sizes if found)
+    return Cahvor(*(vectors[letter] for letter in "CAHV"), width, height, vectors.get("O"), vectors.get("R"),
+                  vectors.get("E"), linearity)
+
+
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+
+
+def _read_cahvor(text: str) -> tuple[dict[str, np.ndarray], float]:
+    vectors = {found[1]: np.array([float(value) for value in found[2].split()]) for found in re.finditer(
+        rf"(?m)^\s*([CAHVORE])\s*=\s*({_NUMBER}\s+{_NUMBER}\s+{_NUMBER})\s*$", text)}
+    kind = re.search(rf"(?m)^\s*Model\s*=\s*CAHVORE(\d)?,?({_NUMBER})?", text)
+    linearity = 1.0 if kind is None else {"1": 1.0, "2": 0.0}.get(kind[1] or "", float(kind[2] or 1.0))
+    return vectors, linearity
+
+
+def _read_pds(text: str) -> tuple[dict[str, np.ndarray], float]:
+    listed = re.search(r'MODEL_COMPONENT_ID\s*=\s*\(([^)]*)\)', text)
+    letters = re.findall(r"[A-Z]", listed[1]) if listed else []
+    vectors: dict[str, np.ndarray] = {}
+    linearity = 1.0
+    for k, letter in enumerate(letters, 1):
+        found = re.search(rf"MODEL_COMPONENT_{k}\s*=\s*\(?([^)\r\nA-Z]*)", text)
+        numbers = [float(value) for value in re.findall(_NUMBER, found[1])] if found else []
+        if letter == "P" and numbers:
+            linearity = numbers[0]
+        elif letter in _LETTERS and len(numbers) == 3:
+            vectors[letter] = np.array(numbers)
+    return vectors, linearity
