@@ -25,7 +25,7 @@ from ..stereo.cli import add_evaluate_options, run_evaluate, stereo_verbs
 from ..terminal import as_path, report_end, show_counted_progress, show_progress
 from ..typed_settings import Settings
 from ..version import version
-from . import batch, plan, validate
+from . import batch, camera, plan, validate
 
 if TYPE_CHECKING:
     from ..stereo.trade.measure_variants import Bench
@@ -113,6 +113,7 @@ def _make_parser() -> argparse.ArgumentParser:
     gallery.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
     gallery.set_defaults(run=_run_gallery)
 
+    camera.add_verb(verbs)
     plan.add_verbs(verbs)
     batch.add_verbs(verbs)
     validate.add_verbs(verbs)

@@ -210,7 +210,8 @@ def nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
         model.r[0] == 0.0 and np.allclose(model.o, model.a, rtol=0, atol=1e-12)))
     if radial and abs(focal[0] - focal[1]) < 1e-9 * focal[0]:
         k1, k2 = (0.0, 0.0) if model.r is None else model.r[1:]
-        return Lens(float(focal[0]), *map(float, principal), (float(k1), float(k2), 0.0, 0.0, 0.0), 0.0)
+        cx, cy = map(float, principal)
+        return Lens(float(focal[0]), cx, cy, (float(k1), float(k2), 0.0, 0.0, 0.0), 0.0)
     # Columns and rows are linear in f, cx, cy and f times each coefficient.
     x, y = ((_grid(model.width_px, model.height_px) - principal) / focal).T
     seen = model.project(np.stack([x, y, np.ones_like(x)], axis=1) @ rotation + model.c)
@@ -292,8 +293,8 @@ def read_model(path: Path) -> Cahvor:
         raise IcyMoonError(f"{path} is no camera model that is read here: {what} is missing; give a .cahvor file or a "
                            "PDS3 label.")
     width, height = (int(found[1]) for found in sizes if found)
-    return Cahvor(*(vectors[letter] for letter in "CAHV"), width, height, vectors.get("O"), vectors.get("R"),
-                  vectors.get("E"), linearity)
+    return Cahvor(vectors["C"], vectors["A"], vectors["H"], vectors["V"], width, height, vectors.get("O"),
+                  vectors.get("R"), vectors.get("E"), linearity)
 
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"

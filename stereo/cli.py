@@ -86,7 +86,8 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
     what = command.add_mutually_exclusive_group(required=True)
     what.add_argument("--format", help="layout to write",
-                      choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco", "raw"))
+                      choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco", "raw", "cahvor", "colmap",
+                               "fits", "tiff", "ros2"))
     what.add_argument("--for-prediction", action="store_true",
                       help="write only what a method on another machine needs: images and camera of each pair, foreign "
                       "ones too")

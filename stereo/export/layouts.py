@@ -6,6 +6,8 @@
 * ``kitti``: KITTI 2015, ``training/image_2/000000_10.png`` and so on; ``pairs.csv`` contains the number of each pair.
 * ``middlebury``: Middlebury 2014, ``<pair>/im0.png``, ``disp0.pfm``, ``mask0nocc.png``, ``calib.txt``.
 * ``coco``: left and right images, and ``annotations.json`` with a mask for each rock and each of the user's objects.
+* ``cahvor``, ``colmap``: images with camera models, see ``cameras``; ``fits``, ``tiff``: I/F, see ``radiance_factor``;
+  ``ros2``: a bag, see ``ros_bag``.
 * ``raw``: images, depth and calibration of the sensors, not rectified; see ``raw.write_raw``.
 
 Except in ``raw``, images are rectified and developed as for the matchers, but in colour if the sensor sees it; ``pfm``
@@ -31,8 +33,11 @@ from ...render.pairs.pair_folder import EYES, StereoCamera
 from ..images.develop import exposure_facts, to_8_bit
 from ..images.image_files import write_bytes, write_png
 from ..measure.prepare import Loaded, distinct_pairs, load
+from .cameras import write_cahvor, write_colmap
 from .encodings import KITTI_SCALE, MILLIMETRES, run_lengths, write_pfm, write_scaled
+from .radiance_factor import write_fits, write_tiff
 from .raw import write_raw
+from .ros_bag import write_ros2
 
 Event = Callable[[dict[str, Any]], None]
 #: Calls a function with each pair.
@@ -284,7 +289,8 @@ def _pair_by_pair(write: Callable[[Loaded, Path], None]) -> Format:
 FORMATS: dict[str, Format] = {
     "png8": _pair_by_pair(_write_png8), "png16": _pair_by_pair(_write_png16), "pfm": _pair_by_pair(_write_pfm),
     "kitti": _write_kitti, "middlebury": _pair_by_pair(_write_middlebury), "coco": _write_coco,
-    "raw": _pair_by_pair(write_raw)}
+    "raw": _pair_by_pair(write_raw), "cahvor": _pair_by_pair(write_cahvor), "colmap": write_colmap,
+    "fits": _pair_by_pair(write_fits), "tiff": _pair_by_pair(write_tiff), "ros2": write_ros2}
 
 
 def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:

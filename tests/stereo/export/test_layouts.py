@@ -19,6 +19,8 @@ from icymoon.stereo.images.exr import read_view
 pytestmark = pytest.mark.filterwarnings("error")
 
 RIG = pairs.camera(192, 96)
+#: Layouts that need what synthetic pairs do not contain, see ``test_field_formats``.
+NEED_POSES = {"cahvor", "colmap", "fits", "tiff", "ros2"}
 SCENES = {"one": pairs.Scene(), "two": pairs.Scene(sky_rows=30, distance_m=3.0)}
 
 
@@ -33,7 +35,7 @@ def dataset(tmp_path_factory):
 @pytest.fixture(scope="module")
 def out(dataset, tmp_path_factory):
     root = tmp_path_factory.mktemp("out")
-    for kind in FORMATS:
+    for kind in FORMATS.keys() - NEED_POSES:
         assert export([dataset], kind, root / kind) == []
     assert not list(root.rglob("*.part"))
     return root

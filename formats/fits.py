@@ -1,0 +1,68 @@
+"""FITS files of float images, as far as the standard (version 4.0; Pence et al. 2010, A&A 524, A42) concerns these."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+_CARD, _BLOCK = 80, 2880
+Value = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class Image:
+    """An image (H, W) or a cube (H, W, planes), float, with its ``name``, its ``unit`` and further ``cards``, each a
+    value and a comment by a key of at most 8 letters and digits."""
+
+    name: str
+    pixels: np.ndarray
+    unit: str = ""
+    cards: Mapping[str, tuple[Value, str]] = field(default_factory=dict)
+
+
+def encode_fits(images: Sequence[Image]) -> bytes:
+    """The bytes of a FITS file: the first image, then the others as extensions, all 32-bit floats.
+
+    The first row of our images is the top one; in FITS it is the bottom one, as its viewers show it.
+    """
+    return b"".join(_encode(image, first=k == 0, extended=len(images) > 1) for k, image in enumerate(images))
+
+
+def _encode(image: Image, first: bool, extended: bool) -> bytes:
+    pixels = image.pixels[::-1]
+    planes = [] if pixels.ndim == 2 else [pixels.shape[2]]
+    data = (pixels if pixels.ndim == 2 else np.moveaxis(pixels, -1, 0)).astype(">f4").tobytes()
+    axes = [pixels.shape[1], pixels.shape[0], *planes]
+    cards = [_card("SIMPLE", True, "conforms to FITS standard") if first else
+             _card("XTENSION", "IMAGE", "image extension"),
+             _card("BITPIX", -32, "32-bit floats"), _card("NAXIS", len(axes), ""),
+             *(_card(f"NAXIS{k}", n, "") for k, n in enumerate(axes, 1))]
+    if not first:
+        cards += [_card("PCOUNT", 0, ""), _card("GCOUNT", 1, "")]
+    elif extended:
+        cards.append(_card("EXTEND", True, ""))
+    cards.append(_card("EXTNAME", image.name, ""))
+    if image.unit:
+        cards.append(_card("BUNIT", image.unit, ""))
+    cards += [_card(key, value, comment) for key, (value, comment) in image.cards.items()]
+    header = b"".join([*cards, b"END".ljust(_CARD)])
+    return header.ljust(-(-len(header) // _BLOCK) * _BLOCK) + data.ljust(-(-len(data) // _BLOCK) * _BLOCK, b"\0")
+
+
+def _card(key: str, value: Value, comment: str) -> bytes:
+    """A card of 80 characters. Raises ValueError for what none can contain."""
+    if isinstance(value, bool):
+        text = ("T" if value else "F").rjust(20)
+    elif isinstance(value, str):
+        text = "'" + value.replace("'", "''").ljust(8) + "'"
+    elif isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{key} is {value}, which no FITS header can contain")
+    else:
+        text = (f"{value:.14E}" if isinstance(value, float) else str(value)).rjust(20)
+    card = f"{key.ljust(8)}= {text}" + (f" / {comment}" if comment else "")
+    if len(key) > 8 or not card.isascii() or len(f"{key.ljust(8)}= {text}") > _CARD:
+        raise ValueError(f"{key} = {value!r} does not fit a card of a FITS header")
+    return card[:_CARD].ljust(_CARD).encode("ascii")

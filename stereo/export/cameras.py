@@ -1,0 +1,170 @@
+"""The exports ``cahvor`` and ``colmap``: images with the camera models of rovers, of COLMAP and of nerfstudio."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import write_json, write_text
+from ...formats.cahvor import cahvor_text, from_pinhole, pds_text
+from ...physics.camera.lens_distortion import coefficients
+from ...render.pairs.pair_folder import EYES, StereoCamera
+from ...settings import changes
+from ..images.develop import to_8_bit
+from ..images.image_files import write_png
+from ..measure.prepare import Loaded
+
+#: The coordinate system of the poses, for labels.
+FRAME = "ICYMOON_SITE_EAST_NORTH_UP"
+#: About so many points of each pair are in a model of COLMAP.
+_POINTS = 2000
+
+
+def pose_of(pair: Loaded, eye: str) -> np.ndarray:
+    """The matrix (4, 4) from an eye's axes to the world's. Raises IcyMoonError if the pair does not contain it."""
+    pose = pair.pair.rectified_pose(eye)
+    if pose is None:
+        raise IcyMoonError(f"{pair.pair.folder / 'pair.json'} does not contain the pose of the cameras; render the "
+                           "pair again.")
+    return pose
+
+
+def rays_of(camera: StereoCamera) -> np.ndarray:
+    """Directions (H, W, 3) of the pixels' centres in the camera's axes, with z = 1: times planar depth, points."""
+    v, u = np.mgrid[:camera.height_px, :camera.width_px] + 0.5
+    return np.stack([(u - camera.cx_px) / camera.focal_px, (v - camera.cy_px) / camera.focal_px, np.ones_like(u)],
+                    axis=-1)
+
+
+def write_cahvor(pair: Loaded, out: Path) -> None:
+    """Write the rectified images of a pair with their CAHV models, and those of the sensors with their CAHVOR models.
+
+    In ``<out>/<pair>/`` are ``left.png``, ``left.cahvor`` and a PDS3 label, ``left.lbl``; with a lens that distorts or
+    eyes that are toed in also ``left_sensor.png`` and so on. World axes are east, north, up, in metres. Raises
+    IcyMoonError if the lens has no equal in CAHVOR.
+    """
+    folder, camera = out / pair.pair.folder.name, pair.pair.camera
+    k, images = coefficients(pair.settings.rig), pair.images
+    for eye in EYES:
+        pose = pose_of(pair, eye)
+        named: dict[str, tuple[np.ndarray, tuple[float, ...], np.ndarray]] = {
+            eye: (getattr(images, eye), (), np.eye(3))}
+        if any(k) or camera.toe_in_deg:
+            named[f"{eye}_sensor"] = (getattr(images, f"detected_{eye}"), k, camera.eye_rotation(eye))
+        for name, (image, distortion, turn) in named.items():
+            model = from_pinhole(_centre_matrix(camera), turn @ pose[:3, :3].T, pose[:3, 3],
+                                 (camera.width_px, camera.height_px), distortion)
+            write_png(folder / f"{name}.png", to_8_bit(image, images.bits, images.encoding))
+            write_text(folder / f"{name}.cahvor", cahvor_text(model))
+            write_text(folder / f"{name}.lbl", pds_text(model, FRAME))
+
+
+def _centre_matrix(camera: StereoCamera) -> np.ndarray:
+    """K with pixels counted from the centre of the first one."""
+    matrix = np.array(camera.matrix)
+    matrix[:2, 2] -= 0.5
+    return matrix
+
+
+@dataclass
+class _Model:
+    """What a scene's model of COLMAP contains so far."""
+
+    cameras: dict[str, int] = field(default_factory=dict)  # lines without their number
+    images: list[str] = field(default_factory=list)
+    points: list[str] = field(default_factory=list)
+    frames: list[dict[str, Any]] = field(default_factory=list)
+
+
+def write_colmap(each: Callable[[Callable[[Loaded], None]], None], out: Path) -> None:
+    """Write, for each scene, ``scene-0000/images/``, ``scene-0000/sparse/0/`` with COLMAP's ``cameras.txt``,
+    ``images.txt`` and ``points3D.txt``, and ``scene-0000/transforms.json`` of nerfstudio.
+
+    Pairs of the same ground, surface and light are one scene. Images are rectified; both programs count pixels from the
+    corner of the first one, as we do. Points are those of the true depth that both eyes see.
+    """
+    models: dict[str, _Model] = {}
+
+    def write(pair: Loaded) -> None:
+        model = models.setdefault(_scene_of(pair), _Model())
+        folder = out / f"scene-{list(models).index(_scene_of(pair)):04d}"
+        _add_pair(model, pair, folder)
+
+    each(write)
+    for number, model in enumerate(models.values()):
+        folder = out / f"scene-{number:04d}"
+        sparse = folder / "sparse" / "0"
+        write_text(sparse / "cameras.txt", "".join(f"{k} {line}\n" for line, k in model.cameras.items()))
+        write_text(sparse / "images.txt", "\n".join(model.images) + "\n")
+        write_text(sparse / "points3D.txt", "".join(f"{line}\n" for line in model.points))
+        write_json(folder / "transforms.json", {"frames": model.frames})
+
+
+def _scene_of(pair: Loaded) -> str:
+    parts = [part(pair.pair.settings) for part in (changes.geometry, changes.look, changes.light)]
+    return json.dumps([parts, pair.pair.data.get("own_files_sha256", ""), pair.pair.data.get("edited_by_hand", False)
+                       and pair.pair.id])
+
+
+def _add_pair(model: _Model, pair: Loaded, folder: Path) -> None:
+    camera = pair.pair.camera
+    line = (f"PINHOLE {camera.width_px} {camera.height_px} {camera.focal_px!r} {camera.focal_px!r} {camera.cx_px!r} "
+            f"{camera.cy_px!r}")
+    number = model.cameras.setdefault(line, len(model.cameras) + 1)
+    rows, columns, right_columns = _chosen(pair)
+    points = _points(pair, rows, columns)
+    first_image, first_point = len(model.images) // 2 + 1, len(model.points) + 1
+    where = {"left": columns + 0.5, "right": right_columns}
+    grey = to_8_bit(pair.images.left, pair.images.bits, pair.images.encoding)
+    for k, eye in enumerate(EYES):
+        name = f"{pair.pair.folder.name}_{eye}.png"
+        write_png(folder / "images" / name, to_8_bit(getattr(pair.images, eye), pair.images.bits, pair.images.encoding))
+        pose = pose_of(pair, eye)
+        rotation = pose[:3, :3].T
+        placed = [*quaternion(rotation), *(-rotation @ pose[:3, 3])]
+        model.images += [f"{first_image + k} {' '.join(map(repr, map(float, placed)))} {number} {name}",
+                         " ".join(f"{float(x)!r} {float(y) + 0.5!r} {first_point + n}" for n, (x, y) in enumerate(
+                             zip(where[eye], rows, strict=True)))]
+        model.frames.append({
+            "file_path": f"images/{name}", "transform_matrix": (pose @ np.diag([1.0, -1.0, -1.0, 1.0])).tolist(),
+            "camera_model": "OPENCV", "w": camera.width_px, "h": camera.height_px, "fl_x": camera.focal_px,
+            "fl_y": camera.focal_px, "cx": camera.cx_px, "cy": camera.cy_px,
+            **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0)})
+    for n, point in enumerate(points):
+        level = int(grey[rows[n], columns[n]])
+        place = " ".join(map(repr, map(float, point)))
+        model.points.append(f"{first_point + n} {place} {level} {level} {level} 0 {first_image} {n} {first_image + 1} "
+                            f"{n}")
+
+
+def _chosen(pair: Loaded) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows and columns of left pixels that both eyes see, evenly spread, and where the right eye sees their points."""
+    rows, columns = np.nonzero(pair.visible["left"])
+    step = max(1, len(rows) // _POINTS)
+    rows, columns = rows[::step], columns[::step]
+    disparity = pair.pair.camera.disparity(pair.depth["left"][rows, columns])
+    return rows, columns, columns + 0.5 - disparity
+
+
+def _points(pair: Loaded, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """World coordinates (n, 3) in metres of what left pixels see."""
+    pose = pose_of(pair, "left")
+    eye = rays_of(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]
+    return eye @ pose[:3, :3].T + pose[:3, 3]
+
+
+def quaternion(rotation: np.ndarray) -> np.ndarray:
+    """w, x, y, z of a rotation matrix: the eigenvector of the largest eigenvalue (Bar-Itzhack 2000, JGCD 23, 1085)."""
+    m = rotation
+    k = np.array([[m[0, 0] - m[1, 1] - m[2, 2], 0, 0, 0], [m[0, 1] + m[1, 0], m[1, 1] - m[0, 0] - m[2, 2], 0, 0],
+                  [m[0, 2] + m[2, 0], m[1, 2] + m[2, 1], m[2, 2] - m[0, 0] - m[1, 1], 0],
+                  [m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], m.trace()]]) / 3
+    _, vectors = np.linalg.eigh(k)
+    x, y, z, w = vectors[:, -1]
+    return np.array([w, x, y, z]) * (1 if w >= 0 else -1)

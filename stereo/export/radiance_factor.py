@@ -1,0 +1,103 @@
+"""The exports ``fits`` and ``tiff``: the radiance factor I/F of both eyes, and incidence, emission and phase.
+
+I/F is π L / E, with the radiance L of a pixel and the Sun's irradiance E on a surface that faces it, in the same band;
+it is Hapke's RADF. Lambert ground of albedo A that faces the Sun has A. The light of the planet, if there is any, is in
+L too.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...formats.fits import Image, encode_fits
+from ...formats.tiff_write import encode_tiff
+from ...labels import LIGHT_GROUPS
+from ...render.pairs.pair_folder import EYES
+from ..images.develop import scaled_radiance
+from ..images.image_files import write_bytes
+from ..measure.prepare import Loaded
+from .cameras import rays_of
+
+#: Names of the bands of a pair, see ``physics.light.bands``.
+BANDS = ("R 620 nm", "G 550 nm", "B 460 nm")
+
+
+@dataclass(frozen=True)
+class Photometry:
+    """What an eye sees, (H, W): the radiance factor of each band (H, W, 3), and angles in degrees between the normal of
+    the facet, the Sun and the camera; NaN where there is no ground, and for incidence and emission without normals."""
+
+    radiance_factor: np.ndarray
+    incidence_deg: np.ndarray
+    emission_deg: np.ndarray
+    phase_deg: np.ndarray
+
+
+def photometry_of(pair: Loaded, eye: str) -> Photometry:
+    """The photometry of an eye. Raises IcyMoonError if the pair does not contain the Sun or the camera's pose, or if no
+    sunlight falls on it."""
+    sun = (pair.pair.data.get("light") or {}).get("sun") or {}
+    pose = pair.pair.rectified_pose(eye)
+    if "irradiance_wm2" not in sun or "direction_to_world" not in sun or pose is None:
+        raise IcyMoonError(f"{pair.pair.folder / 'pair.json'} does not contain the Sun and the camera's pose; render "
+                           "the pair again.")
+    irradiance = float(sun["irradiance_wm2"]) * float(pair.settings.light[LIGHT_GROUPS["Sun"]])
+    if not irradiance > 0:
+        raise IcyMoonError(f"{pair.pair.folder}: no sunlight falls on this scene, so I/F is not defined; raise "
+                           "light.sun_irradiance_wm2 or light.sun_scale.")
+    view, camera, depth = pair.views[eye], pair.pair.camera, pair.depth[eye]
+    toward_sun = np.array(sun["direction_to_world"], np.float64)
+    toward_sun /= np.linalg.norm(toward_sun)
+    rays = rays_of(camera)
+    back = -(rays / np.linalg.norm(rays, axis=-1, keepdims=True)) @ pose[:3, :3].T
+    known = np.isfinite(depth)
+
+    def angle(cosine: np.ndarray) -> np.ndarray:
+        return np.where(known, np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), np.nan)
+
+    none = np.full(depth.shape, np.nan)
+    normal = view.normal
+    radiance = np.asarray(scaled_radiance(view, pair.pair, pair.settings.light), np.float64)
+    return Photometry(
+        np.where(known[..., None], math.pi * radiance / irradiance, np.nan),
+        none if normal is None else angle(normal @ toward_sun),
+        none if normal is None else angle((normal * back).sum(axis=-1)), angle(back @ toward_sun))
+
+
+def write_fits(pair: Loaded, out: Path) -> None:
+    """Write ``<out>/<pair>/left.fits`` and ``right.fits``: the radiance factor as a cube of three bands, then the
+    images INCIDENCE, EMISSION, PHASE (deg) and DEPTH (m)."""
+    camera = pair.pair.camera
+    for eye in EYES:
+        found = photometry_of(pair, eye)
+        cards: dict[str, tuple[Any, str]] = {
+            "OBJECT": (str(pair.settings.light.body), "body"), "PAIR": (pair.pair.id, "id of the pair"),
+            "EYE": (eye, "camera"), "FOCALPX": (camera.focal_px, "[px] focal length"),
+            "CXPX": (camera.cx_px, "[px] principal point from the left edge"),
+            "CYPX": (camera.height_px - camera.cy_px, "[px] principal point from the bottom edge"),
+            "BASELINE": (camera.baseline_m, "[m] distance of the eyes"),
+            "SUNIRRAD": (float(pair.pair.data["light"]["sun"]["irradiance_wm2"]), "[W/m2] E of pi L / E"),
+            **{f"BAND{k}": (name, "plane") for k, name in enumerate(BANDS, 1)}}
+        images = [Image("RADIANCE FACTOR", found.radiance_factor, "", cards),
+                  Image("INCIDENCE", found.incidence_deg, "deg"), Image("EMISSION", found.emission_deg, "deg"),
+                  Image("PHASE", found.phase_deg, "deg"), Image("DEPTH", pair.depth[eye], "m")]
+        write_bytes(out / pair.pair.folder.name / f"{eye}.fits", encode_fits(images))
+
+
+def write_tiff(pair: Loaded, out: Path) -> None:
+    """Write ``<out>/<pair>/left_radiance_factor.tif`` (bands R, G, B), ``left_geometry.tif`` (incidence, emission,
+    phase in degrees) and the same of the right eye: 32-bit floats, NaN where there is no ground."""
+    folder = out / pair.pair.folder.name
+    for eye in EYES:
+        found = photometry_of(pair, eye)
+        angles = np.stack([found.incidence_deg, found.emission_deg, found.phase_deg], axis=-1)
+        write_bytes(folder / f"{eye}_radiance_factor.tif", encode_tiff(
+            found.radiance_factor.astype(np.float32), description="I/F: " + ", ".join(BANDS)))
+        write_bytes(folder / f"{eye}_geometry.tif", encode_tiff(
+            angles.astype(np.float32), description="incidence, emission, phase, deg"))

@@ -1,0 +1,124 @@
+"""The export ``ros2``: a bag of ROS 2 with images, camera infos, true disparity, true points and poses of all pairs.
+
+Written by the package rosbags, without ROS. Pair k has the time k s. Both camera infos are in the frame of the left
+camera's optics (x right, y down, z forward), as stereo_image_proc expects.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...render.pairs.pair_folder import EYES
+from ..images.develop import to_8_bit
+from ..measure.prepare import Loaded
+from .cameras import pose_of, quaternion, rays_of
+
+FRAMES = {"left": "stereo_left_optical", "right": "stereo_right_optical"}
+WORLD = "map"
+_SECOND = 1_000_000_000
+
+
+def write_ros2(each: Callable[[Callable[[Loaded], None]], None], out: Path) -> None:
+    """Write the bag ``<out>/pairs`` (MCAP): ``/stereo/left/image_rect``, ``/stereo/left/camera_info``, the same of the
+    right eye, ``/stereo/disparity``, ``/stereo/points2`` and ``/tf``.
+
+    Raises IcyMoonError without the package rosbags, and if there is a bag already.
+    """
+    if importlib.util.find_spec("rosbags") is None:
+        raise IcyMoonError("The export ros2 needs the package rosbags; pip install icymoon[ros].")
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    bag = out / "pairs"
+    if bag.exists():
+        raise IcyMoonError(f"{bag} exists already, and a bag is not written over; remove it or choose another folder.")
+    out.mkdir(parents=True, exist_ok=True)
+    types = get_typestore(Stores.ROS2_JAZZY)
+    with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        known: dict[str, Any] = {}
+        count = 0
+
+        def write(pair: Loaded) -> None:
+            nonlocal count
+            for topic, message in messages_of(pair, types, count):
+                if topic not in known:
+                    known[topic] = writer.add_connection(topic, message.__msgtype__, typestore=types)
+                writer.write(known[topic], count * _SECOND, types.serialize_cdr(message, message.__msgtype__))
+            count += 1
+
+        each(write)
+
+
+def messages_of(pair: Loaded, types: Any, second: int) -> Iterator[tuple[str, Any]]:
+    """(topic, message) of everything about a pair; ``types`` is a typestore of rosbags."""
+    kinds = types.types
+    camera, depth = pair.pair.camera, pair.depth["left"]
+    stamp = kinds["builtin_interfaces/msg/Time"](sec=second, nanosec=0)
+
+    def header(frame: str) -> Any:
+        return kinds["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
+
+    def image(pixels: np.ndarray, encoding: str, frame: str) -> Any:
+        rows, columns = pixels.shape
+        data = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<"))
+        return kinds["sensor_msgs/msg/Image"](
+            header=header(frame), height=rows, width=columns, encoding=encoding, is_bigendian=0,
+            step=columns * pixels.dtype.itemsize, data=np.frombuffer(data.tobytes(), np.uint8))
+
+    for k, eye in enumerate(EYES):
+        numbers = getattr(pair.images, eye)
+        eight = pair.images.bits == 8
+        yield f"/stereo/{eye}/image_rect", image(
+            to_8_bit(numbers, 8, pair.images.encoding) if eight else numbers.astype(np.uint16),
+            "mono8" if eight else "mono16", FRAMES["left"])
+        # The principal point is counted from the centre of the first pixel there.
+        matrix = np.array(camera.matrix)
+        matrix[:2, 2] -= 0.5
+        projection = np.column_stack([matrix, [-camera.focal_baseline_px_m * k, 0.0, 0.0]])
+        yield f"/stereo/{eye}/camera_info", kinds["sensor_msgs/msg/CameraInfo"](
+            header=header(FRAMES["left"]), height=camera.height_px, width=camera.width_px,
+            distortion_model="plumb_bob", d=np.zeros(5), k=matrix.ravel(), r=np.eye(3).ravel(), p=projection.ravel(),
+            binning_x=0, binning_y=0, roi=kinds["sensor_msgs/msg/RegionOfInterest"](
+                x_offset=0, y_offset=0, height=0, width=0, do_rectify=False))
+    disparity = camera.disparity(depth)
+    known = np.isfinite(disparity)
+    least, most = (float(disparity[known].min()), float(disparity[known].max())) if known.any() else (0.0, 0.0)
+    yield "/stereo/disparity", kinds["stereo_msgs/msg/DisparityImage"](
+        header=header(FRAMES["left"]), image=image(np.where(known, disparity, np.nan).astype(np.float32), "32FC1",
+                                                   FRAMES["left"]),
+        f=camera.focal_px, t=camera.baseline_m, valid_window=kinds["sensor_msgs/msg/RegionOfInterest"](
+            x_offset=0, y_offset=0, height=camera.height_px, width=camera.width_px, do_rectify=False),
+        min_disparity=least, max_disparity=most, delta_d=0.0)
+    yield "/stereo/points2", _cloud(pair, kinds, header(FRAMES["left"]))
+    yield "/tf", _transforms(pair, kinds, header)
+
+
+def _cloud(pair: Loaded, kinds: Any, header: Any) -> Any:
+    """The true points of the left pixels, in the left camera's axes, NaN for none, as an organised cloud."""
+    camera, depth = pair.pair.camera, pair.depth["left"]
+    points = (rays_of(camera) * depth[..., None]).astype("<f4")
+    fields = [kinds["sensor_msgs/msg/PointField"](name=name, offset=4 * k, datatype=7, count=1)
+              for k, name in enumerate("xyz")]
+    return kinds["sensor_msgs/msg/PointCloud2"](
+        header=header, height=camera.height_px, width=camera.width_px, fields=fields, is_bigendian=False, point_step=12,
+        row_step=12 * camera.width_px, data=np.frombuffer(points.tobytes(), np.uint8), is_dense=False)
+
+
+def _transforms(pair: Loaded, kinds: Any, header: Callable[[str], Any]) -> Any:
+    """The poses of both cameras on the map: east, north, up, in metres."""
+    found = []
+    for eye in EYES:
+        pose = pose_of(pair, eye)
+        w, x, y, z = map(float, quaternion(pose[:3, :3]))
+        along = dict(zip("xyz", map(float, pose[:3, 3]), strict=True))
+        found.append(kinds["geometry_msgs/msg/TransformStamped"](
+            header=header(WORLD), child_frame_id=FRAMES[eye], transform=kinds["geometry_msgs/msg/Transform"](
+                translation=kinds["geometry_msgs/msg/Vector3"](**along),
+                rotation=kinds["geometry_msgs/msg/Quaternion"](x=x, y=y, z=z, w=w))))
+    return kinds["tf2_msgs/msg/TFMessage"](transforms=found)

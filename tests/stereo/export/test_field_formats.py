@@ -1,0 +1,213 @@
+"""Exports in the formats of the field: read back, by foreign readers where there are any, and projected again."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import cv2
+import numpy as np
+import pairs
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.formats.cahvor import read_model
+from icymoon.formats.fits import Image, encode_fits
+from icymoon.physics.camera.lens_distortion import distort
+from icymoon.render.pairs.pair_folder import read_pair
+from icymoon.stereo.export.cameras import quaternion, rays_of
+from icymoon.stereo.export.layouts import export
+
+RIG = pairs.camera(96, 72)
+SCENE = pairs.Scene(sky_rows=6)
+SUN_WM2 = 14.0
+
+
+def pose(eye: str, turn: float = 0.3) -> np.ndarray:
+    """A camera that looks down, turned about the vertical: camera axes (right, down, forward) to world (4, 4)."""
+    c, s, tilt = math.cos(turn), math.sin(turn), 0.5
+    heading = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
+    looking = np.array([[1, 0, 0], [0, -math.sin(tilt), math.cos(tilt)], [0, -math.cos(tilt), -math.sin(tilt)]])
+    found = np.eye(4)
+    found[:3, :3] = heading @ looking
+    found[:3, 3] = [5.0, -2.0, 1.5] + found[:3, 0] * (RIG.baseline_m if eye == "right" else 0.0)
+    return found
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    """Two pairs of one scene, with what rendered pairs state of their poses and of the Sun."""
+    root = tmp_path_factory.mktemp("set")
+    for k, name in enumerate(("0123456789ab", "ba9876543210")):
+        folder = pairs.write_pair(root / "pairs" / name, SCENE, RIG)
+        data = json.loads((folder / "pair.json").read_text(encoding="utf-8"))
+        data["poses_rectified_to_world"] = {eye: pose(eye, 0.3 + k).tolist() for eye in ("left", "right")}
+        data["light"] = {"sun": {"direction_to_world": [0.6, 0.0, 0.8], "irradiance_wm2": SUN_WM2}}
+        (folder / "pair.json").write_text(json.dumps(data), encoding="utf-8")
+    return root
+
+
+@pytest.fixture(scope="module")
+def points() -> tuple[np.ndarray, np.ndarray]:
+    """World coordinates of what the first pair's left pixels see, and the columns of the right image; NaN for sky."""
+    depth = pairs.view(SCENE, RIG, "left")[0]
+    eye = pose("left")
+    world = (rays_of(RIG) * depth[..., None]) @ eye[:3, :3].T + eye[:3, 3]
+    return world, np.arange(RIG.width_px) - RIG.disparity(depth)
+
+
+def exported(dataset, tmp_path, kind, *overrides):
+    response = {"rig": dict(overrides)} if overrides else None
+    assert export([dataset], kind, tmp_path / kind, response) == []
+    return tmp_path / kind
+
+
+def test_camera_models_see_the_points_of_the_truth_where_they_are(dataset, tmp_path, points):
+    folder = exported(dataset, tmp_path, "cahvor") / "0123456789ab"
+    world, right_columns = points
+    known = np.isfinite(world[..., 0])
+    rows, columns = np.nonzero(known)
+    for name, wanted in (("left", columns), ("right", right_columns[known])):
+        for suffix in (".cahvor", ".lbl"):
+            model = read_model(folder / f"{name}{suffix}")
+            assert (model.kind, model.width_px) == ("CAHV", RIG.width_px)
+            seen = model.project(world[known])
+            assert np.abs(seen - np.stack([wanted, rows], axis=1)).max() < 1e-6
+        assert cv2.imread(str(folder / f"{name}.png")).shape == (72, 96, 3)
+    assert not list(folder.glob("*sensor*"))
+
+
+def test_the_sensors_model_has_its_distortion(dataset, tmp_path, points):
+    folder = exported(dataset, tmp_path, "cahvor", ("distortion_k1", -0.2), ("distortion_k2", 0.05)) / "0123456789ab"
+    model = read_model(folder / "left_sensor.cahvor")
+    assert model.kind == "CAHVOR"
+    world, _ = points
+    bent = distort(rays_of(RIG)[..., :2], (float(np.float32(-0.2)), float(np.float32(0.05)), 0, 0, 0)) * RIG.focal_px
+    known = np.isfinite(world[..., 0])
+    wanted = bent + np.array([RIG.cx_px - 0.5, RIG.cy_px - 0.5])
+    assert np.abs(model.project(world[known]) - wanted[known]).max() < 1e-6
+
+
+def test_colmap_projects_its_points_onto_its_pixels(dataset, tmp_path):
+    root = exported(dataset, tmp_path, "colmap")
+    assert [path.name for path in root.iterdir()] == ["scene-0000"], "both pairs are of one scene"
+    sparse = root / "scene-0000" / "sparse" / "0"
+    (camera,) = (sparse / "cameras.txt").read_text(encoding="utf-8").splitlines()
+    kind, _, _, *numbers = camera.split()[1:]
+    assert kind == "PINHOLE"
+    fx, fy, cx, cy = map(float, numbers)
+    points = {int(line.split()[0]): line.split() for line in (sparse / "points3D.txt").read_text(
+        encoding="utf-8").splitlines()}
+    lines = (sparse / "images.txt").read_text(encoding="utf-8").splitlines()
+    assert len(lines) == 8
+    frames = json.loads((root / "scene-0000" / "transforms.json").read_text(encoding="utf-8"))["frames"]
+    for k in range(4):
+        number, qw, qx, qy, qz, tx, ty, tz, _, name = lines[2 * k].split()
+        w, x, y, z = map(float, (qw, qx, qy, qz))
+        rotation = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                             [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+                             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)]])
+        seen = np.array(lines[2 * k + 1].split(), float).reshape(-1, 3)
+        world = np.array([points[int(p)][1:4] for p in seen[:, 2]], float)
+        eye = world @ rotation.T + [float(tx), float(ty), float(tz)]
+        again = eye[:, :2] / eye[:, 2:] * [fx, fy] + [cx, cy]
+        assert len(seen) > 100
+        assert np.abs(again - seen[:, :2]).max() < 1e-3
+        tracks = {tuple(points[int(p)][8:]) for p in seen[:3, 2]}
+        assert all(number in track[::2] for track in tracks)
+        # nerfstudio: camera to world in OpenGL's axes, y up and z back.
+        matrix = np.array(frames[k]["transform_matrix"]) @ np.diag([1, -1, -1, 1.0])
+        assert frames[k]["file_path"] == f"images/{name}"
+        assert np.abs(matrix[:3, :3] - rotation.T).max() < 1e-12
+        assert np.abs(matrix[:3, 3] + rotation.T @ [float(tx), float(ty), float(tz)]).max() < 1e-12
+        assert (root / "scene-0000" / frames[k]["file_path"]).is_file()
+
+
+def test_quaternions_are_those_of_their_rotations():
+    for turn in np.linspace(-3, 3, 9):
+        m = pose("left", turn)[:3, :3]
+        w, x, y, z = quaternion(m)
+        assert w * w + x * x + y * y + z * z == pytest.approx(1.0)
+        assert 2 * (x * y + z * w) == pytest.approx(m[1, 0], abs=1e-12)
+        assert 1 - 2 * (y * y + z * z) == pytest.approx(m[0, 0], abs=1e-12)
+        assert 2 * (y * z + x * w) == pytest.approx(m[2, 1], abs=1e-12)
+
+
+def test_the_radiance_factor_is_that_of_its_formula(dataset, tmp_path):
+    folder = exported(dataset, tmp_path, "tiff") / "0123456789ab"
+    depth, light, _ = pairs.view(SCENE, RIG, "left")
+    factor = cv2.imread(str(folder / "left_radiance_factor.tif"), cv2.IMREAD_UNCHANGED)
+    angles = cv2.imread(str(folder / "left_geometry.tif"), cv2.IMREAD_UNCHANGED)[..., ::-1]
+    known = np.isfinite(depth)
+    assert factor[..., 0][known] == pytest.approx(math.pi * light[known] / SUN_WM2, rel=1e-6)
+    assert np.isnan(factor[~known]).all()
+    # Normals of the synthetic pair point up, so the incidence is that of the Sun everywhere.
+    assert angles[..., 0][known] == pytest.approx(math.degrees(math.acos(0.8)), abs=1e-3)
+    row, column = 60, 30
+    ray = pose("left")[:3, :3] @ rays_of(RIG)[row, column]
+    ray /= np.linalg.norm(ray)
+    assert angles[row, column, 1] == pytest.approx(math.degrees(math.acos(-ray[2])), abs=1e-3)
+    assert angles[row, column, 2] == pytest.approx(math.degrees(math.acos(-ray @ [0.6, 0.0, 0.8])), abs=1e-3)
+
+
+def test_fits_files_are_cards_and_blocks_with_the_bottom_row_first(dataset, tmp_path):
+    folder = exported(dataset, tmp_path, "fits") / "0123456789ab"
+    data = (folder / "left.fits").read_bytes()
+    assert len(data) % 2880 == 0
+    cards = [data[k:k + 80].decode("ascii") for k in range(0, 2880, 80)]
+    assert cards[0] == "SIMPLE  =                    T / conforms to FITS standard".ljust(80)
+    assert "NAXIS3  =                    3".ljust(80) in cards
+    assert any(card.startswith("PAIR    = '0123456789ab'") for card in cards)
+    cube = np.frombuffer(data[2880:2880 + 4 * 3 * 72 * 96], ">f4").reshape(3, 72, 96)
+    light = pairs.view(SCENE, RIG, "left")[1]
+    assert cube[0, 0] == pytest.approx(math.pi * light[-1] / SUN_WM2, rel=1e-6), "the bottom row comes first"
+
+
+def test_astropy_reads_them_and_finds_no_fault(dataset, tmp_path):
+    fits = pytest.importorskip("astropy.io.fits", reason="pip install astropy, which only this test needs")
+    with fits.open(exported(dataset, tmp_path, "fits") / "0123456789ab" / "right.fits") as opened:
+        opened.verify("exception")
+        assert [each.name for each in opened] == ["RADIANCE FACTOR", "INCIDENCE", "EMISSION", "PHASE", "DEPTH"]
+        assert opened[1].header["BUNIT"] == "deg"
+        depth = pairs.view(SCENE, RIG, "right")[0]
+        assert opened["DEPTH"].data[::-1] == pytest.approx(depth, rel=1e-6, nan_ok=True)
+
+
+def test_what_no_card_can_contain_is_an_error():
+    for cards in ({"TOOLONGKEY": (1, "")}, {"KEY": (math.nan, "")}, {"KEY": ("x" * 90, "")}, {"KEY": ("µ", "")}):
+        with pytest.raises(ValueError, match="FITS header"):
+            encode_fits([Image("A", np.zeros((2, 2)), "", cards)])
+
+
+def test_a_pair_without_sun_or_pose_is_a_sentence(tmp_path):
+    pairs.write_pair(tmp_path / "pairs" / "0123456789ab", SCENE, RIG)
+    for kind in ("fits", "cahvor"):
+        (failure,) = export([tmp_path], kind, tmp_path / kind)
+        assert "does not contain" in failure
+
+
+def test_a_bag_gives_back_what_was_put_in(dataset, tmp_path, points):
+    pytest.importorskip("rosbags", reason="pip install icymoon[ros]")
+    from rosbags.rosbag2 import Reader
+    from rosbags.typesys import Stores, get_typestore
+
+    root = exported(dataset, tmp_path, "ros2")
+    types = get_typestore(Stores.ROS2_JAZZY)
+    with Reader(root / "pairs") as reader:
+        found = [(c.topic, t, types.deserialize_cdr(raw, c.msgtype)) for c, t, raw in reader.messages()]
+    assert len(found) == 14
+    first = {topic: message for topic, time, message in found if time == 0}
+    left, right, disparity = (first[f"/stereo/{name}"] for name in (
+        "left/camera_info", "right/camera_info", "disparity"))
+    camera = read_pair(dataset / "pairs" / "0123456789ab").camera
+    assert right.p[3] == pytest.approx(-camera.focal_px * camera.baseline_m)
+    assert left.k[2] == pytest.approx(camera.cx_px - 0.5)
+    depth = pairs.view(SCENE, RIG, "left")[0]
+    shown = np.frombuffer(disparity.image.data.tobytes(), "<f4").reshape(72, 96)
+    assert shown == pytest.approx(RIG.disparity(depth), rel=1e-6, nan_ok=True)
+    assert disparity.f * disparity.t == pytest.approx(camera.focal_px * camera.baseline_m, rel=1e-6)
+    cloud = np.frombuffer(first["/stereo/points2"].data.tobytes(), "<f4").reshape(72, 96, 3)
+    assert cloud == pytest.approx(rays_of(RIG) * depth[..., None], rel=1e-5, abs=1e-5, nan_ok=True)
+    (transform, _) = first["/tf"].transforms
+    assert transform.transform.translation.x == pytest.approx(5.0)
+    with pytest.raises(IcyMoonError, match="exists already"):
+        export([dataset], "ros2", root)
