@@ -18,6 +18,7 @@ from ..files import explain_disk_errors
 from ..records import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, parse_json, read_record
 from ..settings import description
 from ..settings.table import TOPICS, Setting, all_settings
+from ..stereo.matchers.methods import describe_method
 from ..stereo.report.table_columns import NO_RESULT, RANKING
 from ..typed_settings import Settings, typed
 from . import image_editor, own_reports
@@ -234,9 +235,10 @@ def report_folder(scene: bpy.types.Scene) -> Path:
 
 def outcome(row: Mapping[str, Any]) -> str:
     """The result of a matcher in one sentence, from its row of a summary."""
+    method = describe_method(row["method"])
     if not row["n"]:
-        return f"{row['method']}: {NO_RESULT}"
-    return (f"{row['method']}: {percent(row['total_bad_1'])} wrong or missing, L1 of the measured "
+        return f"{method}: {NO_RESULT}"
+    return (f"{method}: {percent(row['total_bad_1'])} wrong or missing, L1 of the measured "
             f"{percent(row['coverage'])} {metres(row['l1_m'])}")
 
 

@@ -35,6 +35,12 @@ def test_they_survive_saving_and_are_none_of_another_file(scene, tmp_path):
     assert results.report_folder(bpy.context.scene) == tmp_path / "evaluation_scene"
 
 
+def test_the_status_line_names_a_matcher_as_its_tick_does():
+    row = {"method": "bm:window=7", "n": 9, "total_bad_1": 0.125, "coverage": 0.9, "l1_m": 0.25}
+    assert results.outcome(row).startswith("StereoBM:window=7: 12.5 % wrong or missing")
+    assert results.outcome({**row, "method": "mine", "n": 0}) == "mine: no result"
+
+
 def test_what_limits_the_results_is_kept_with_them(scene, tmp_path):
     evaluated(scene, tmp_path)
     assert results.limits(scene) == ()
