@@ -46,13 +46,22 @@ def salt_colour(surface: SurfaceSettings, albedo: float) -> tuple[float, float, 
     return _over(material_bands(surface.salt), albedo)
 
 
+def is_grey(surface: SurfaceSettings) -> bool:
+    """Whether the ground has no colour, wherever dirt may lie."""
+    dirty = surface.dirt != "BLACK" and (surface.trough_dirt != 0.0 or surface.slope_dirt != 0.0)
+    return bool(surface.ice_colour == "GREY" and surface.salt_share == 0.0 and not dirty)
+
+
 def add_ground_colour(tree: Tree, surface: SurfaceSettings, geometry: Any, salt_at: float, elevated: bool,
-                      albedo: float) -> Any:
+                      settings: Settings | None) -> Any:
     """Output socket of the colour of the ground; None if it is that of grey, clean ice.
 
     ``salt_at`` selects the fields of salt and of patches of dirt, ``elevated`` is whether the mesh has the attribute
-    ``ELEVATION``, and ``albedo`` is that of clean ice.
+    ``ELEVATION``. ``settings`` are those of the whole scene, which Hapke's law needs.
     """
+    if is_grey(surface):
+        return None
+    albedo = clean_albedo(surface, settings)
     tint = ice_tint(surface, albedo)
     colour: Any = None if tint == _WHITE else tint
     if surface.salt_share > 0.0:

@@ -21,7 +21,7 @@ from ..tree.builder import Tree
 from ..tree.formula import Number
 from . import reflectance_laws
 from .glints import add_glints
-from .ground_colour import add_ground_colour, clean_albedo
+from .ground_colour import add_ground_colour
 from .patches_and_grain import GRAIN_FARTHEST, add_brightness, add_grain, add_grain_by_fineness, darkest
 from .sun_inputs import Sun
 from .textures import Sampler, Textured
@@ -193,7 +193,7 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
             surface = surface | {kind: of.mean[of.channel]}
             varied[kind] = pieces.separated(kind.title(), pieces.sample(kind, of))[of.channel]
     grey = add_brightness(tree, surface, geometry, patches_at, elevated=semantic == TERRAIN)
-    colour = add_ground_colour(tree, surface, geometry, salt_at, semantic == TERRAIN, clean_albedo(surface, settings))
+    colour = add_ground_colour(tree, surface, geometry, salt_at, semantic == TERRAIN, settings)
     if pieces is not None and "albedo" in found:
         mean = max(sum(found["albedo"].mean) / 3, 1e-6)
         of_mean = pieces.vector("SCALE", "Albedo over Mean", pieces.sample("albedo", found["albedo"]), scale=1 / mean)
