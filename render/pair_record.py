@@ -40,7 +40,8 @@ def _eye_pose(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 
 def _channels(depth_alone: bool) -> dict[str, Any]:
     """What the images contain, in words."""
-    light: dict[str, Any] = {"radiance": "W/(m² sr) per band, linear",
+    light: dict[str, Any] = {"radiance": "W/(m² sr), linear, in the bands R, G, B at 620, 550, 460 nm: over all "
+                                         "wavelengths, if all light were as bright, relative to sunlight, as there",
                              "depth": "planar Z in m at pixel centres, sky 1e10"}
     return light if depth_alone else {
         **light, "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()},
