@@ -111,8 +111,8 @@ def paths_drawn() -> list[str]:
 @pytest.mark.parametrize("chosen", CHOICES, ids=str)
 def test_no_panel_that_is_shown_is_empty(scene, chosen):
     set_choices(scene.icymoon, chosen)
-    shown = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel)
-             and getattr(cls, "poll", lambda context: True)(bpy.context)]
+    shown: list[Any] = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel)
+                        and getattr(cls, "poll", lambda context: True)(bpy.context)]
     assert len(shown) > 20
     assert [cls.bl_idname for cls in shown if not drawn(cls)] == []
 
