@@ -36,7 +36,7 @@ def _samples(images: list[BallImage]) -> Iterator[tuple[np.ndarray, np.ndarray]]
 def _errors(images: list[BallImage], albedo: float) -> tuple[np.ndarray, np.ndarray]:
     """Relative differences from the snow law, as means over cells of 10 degrees of each angle, and middles (3, n)."""
     angles, factors = (np.concatenate(parts, axis=-1) for parts in zip(*_samples(images), strict=True))
-    law = snow.reflectance_factor(*angles, albedo)
+    law = snow.reflectance_factor(angles[0], angles[1], angles[2], albedo)
     cells, which = np.unique((angles // _CELL).astype(int), axis=1, return_inverse=True)
     which, count = which.ravel(), np.bincount(which.ravel())
     ratio = np.bincount(which, factors) / np.bincount(which, law)
