@@ -243,9 +243,20 @@ class SurfaceSettings(Table):
     subsurface_weight: float
     subsurface_radius_m: float  # m
     transmission: float
+    transmitted: Literal["LOST", "THROUGH"]
     roughness: float
     specular: float
     refractive_index: float
+    bubble_share: float
+    bubble_radius_m: float  # m
+    bubble_band_m: float  # m
+    frost_share: float
+    frost_patch_m: float  # m
+    frost_albedo: float
+    crust_share: float
+    crust_patch_m: float  # m
+    crust_height_m: float  # m
+    crust_roughness: float
     glint_share: float
     glint_size_m: float  # m
     grain_size_m: float  # m

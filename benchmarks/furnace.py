@@ -48,14 +48,14 @@ def albedo(make: Callable[[], bpy.types.Material], *, samples: int = 64, view_m:
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     scene = bpy.context.scene
     scene.render.engine, scene.cycles.samples = "CYCLES", samples
-    scene.world = _shining()
+    scene.world = shining()
     plane(scene, "Surface", 0.0, size_m, make())
     plane(scene, "Floor", -1.0, 2 * size_m, _black())
     return np.sum([share * radiance(scene, emission, view_m, _PIXELS).mean(axis=(0, 1))
                    for emission, share in zip(_EMISSION, _SHARE, strict=True)], axis=0)
 
 
-def _shining() -> bpy.types.World:
+def shining() -> bpy.types.World:
     world = bpy.data.worlds.new("White")
     tree = compat.ensure_nodes(world)
     tree.nodes.clear()

@@ -116,8 +116,9 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
     rung = Rung(**job["rung"])
     apply = cycles_settings.apply
 
-    def applied(scene: Any, quality: QualitySettings, seed: int, blurred: bool = False) -> None:
-        apply(scene, quality, seed, blurred)
+    def applied(scene: Any, quality: QualitySettings, seed: int, blurred: bool = False,
+                through: bool = False) -> None:
+        apply(scene, quality, seed, blurred, through)
         for name, value in rung.cycles.items():
             setattr(scene.cycles, name, value)
 

@@ -98,8 +98,9 @@ def _forced_osl(on: bool) -> Iterator[None]:
 
     original = cycles_settings.apply
 
-    def apply(scene: Any, quality: QualitySettings, seed: int, blurred: bool = False) -> None:
-        original(scene, quality, seed, blurred)
+    def apply(scene: Any, quality: QualitySettings, seed: int, blurred: bool = False,
+              through: bool = False) -> None:
+        original(scene, quality, seed, blurred, through)
         scene.cycles.shading_system = on
 
     cycles_settings.apply = apply

@@ -15,6 +15,7 @@ import bpy
 
 from .. import compat
 from ..nodes import scene as scenes
+from ..physics.scene_requirements import clear_rocks
 from ..render import cycles_settings
 from ..settings import description
 from .view_exposure import TRANSFORM
@@ -46,7 +47,8 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     settings = built.settings
     if not compat.has_oidn():  # a render of a pair is refused; F12 goes on without, and Build Scene has warned
         settings = description.merged(settings, {"quality": {"denoiser": "NONE"}})
-    cycles_settings.apply(scene, settings.quality, int(settings.dataset.seed))
+    cycles_settings.apply(scene, settings.quality, int(settings.dataset.seed),
+                          through=clear_rocks(settings))
     scene.cycles.shading_system = uses_osl
     if not 0 < scene.cycles.preview_samples <= _VIEW_SAMPLES:  # 0 has no end
         scene.cycles.preview_samples = _VIEW_SAMPLES

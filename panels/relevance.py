@@ -14,10 +14,15 @@ from ..settings.table import LANDFORMS, TOPICS
 from ..typed_settings import TexturesSettings
 
 _PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", "roughness", "specular",
-                    "refractive_index", "glint_share", "glint_size_m"}
+                    "refractive_index", "transmitted", "glint_share", "glint_size_m", "bubble_share",
+                    "bubble_radius_m", "bubble_band_m", "frost_share", "frost_patch_m", "frost_albedo", "crust_share",
+                    "crust_patch_m", "crust_height_m", "crust_roughness"}
 #: Surface settings, and the setting that must be above 0 for them to have an effect.
 _SURFACE_NEEDS = {"albedo_patch_m": "albedo_variation", "subsurface_radius_m": "subsurface_weight",
                   "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m", "glint_size_m": "glint_share",
+                  "transmitted": "transmission", "bubble_radius_m": "bubble_share", "bubble_band_m": "bubble_share",
+                  "frost_patch_m": "frost_share", "frost_albedo": "frost_share", "crust_patch_m": "crust_share",
+                  "crust_height_m": "crust_share", "crust_roughness": "crust_share",
                   **{f"salt_{key}": "salt_share" for key in ("patch_m", "red", "green", "blue")}, "salt": "salt_share"}
 _MONOCHROME_ONLY = {"band_centre_nm", "band_width_nm", "band_weights", "quantum_efficiency"}
 _MOSAIC_ONLY = {"bayer_pattern", "demosaicing", "white_balance", "grey", "filter_leak", "cut_on_nm", "cut_off_nm",
@@ -100,6 +105,8 @@ def has_effect(topic: str, key: str, root: Any) -> bool:
         dirty = group.slope_dirt != 0 or (topic == "surface" and group.trough_dirt != 0)
         return bool(dirty and (key == "dirt" or group.dirt != "BLACK"))
     if topic in ("surface", "rock_surface"):
+        if key in ("albedo", "ice_colour", "snow_grain_m") and group.model == "PRINCIPLED" and group.bubble_share > 0:
+            return False  # they follow from the bubbles
         return bool(key not in _SURFACE_NEEDS or getattr(group, _SURFACE_NEEDS[key]) > 0)
     if topic == "textures" and key in ("width_m", "repeat"):
         return group.mapping != "PATCH" and not uses_uv(TexturesSettings(set=group.set, mapping=group.mapping))

@@ -12,6 +12,7 @@ from ..typed_settings import QualitySettings, Settings, SurfaceSettings
 from .camera.stereo_geometry import focal_px
 from .light.sky import Sky
 from .mesh.fine_relief import nearest_m
+from .surfaces.principled import lets_light_through
 
 #: Topics that describe a surface.
 SURFACES = ("surface", "rock_surface")
@@ -20,6 +21,12 @@ SURFACES = ("surface", "rock_surface")
 def surface_topics(settings: Settings) -> tuple[str, ...]:
     """The topics of the surfaces in the scene: rocks may have their own surface."""
     return SURFACES if settings.rocks.coverage > 0 and settings.rocks.own_surface else SURFACES[:1]
+
+
+def clear_rocks(settings: Settings) -> bool:
+    """Whether rocks let light through."""
+    topic = "rock_surface" if settings.rocks.own_surface else "surface"
+    return settings.rocks.coverage > 0 and lets_light_through(settings[topic])
 
 
 def walk_px(settings: Settings, topic: str) -> float:
@@ -83,6 +90,9 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
             sentences.append("surface: fine relief is bump, because ground from a file keeps its own vertices.")
         if relief_of_camera_alone(settings, topic):
             sentences.append(f"{topic}: fine relief for camera rays only, because quality.fine_relief is CAMERA.")
+    if lets_light_through(settings.surface):
+        sentences.append("surface: light that enters the ground is lost, although surface.transmitted is THROUGH, "
+                         "because the ground has no other side.")
     share = lights["planet"].get("over_sun") if lights["planet"] else None  # None by night too
     if share is not None and (share == 0 or share < settings.light.planet_least):
         sentences.append("light: no light from the planet, because "

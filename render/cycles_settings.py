@@ -10,6 +10,8 @@ from ..typed_settings import QualitySettings, Settings
 from .cost.abilities import Abilities, lack_for, lack_for_quality
 
 _GLOSSY_BOUNCES = 2
+#: Refractions of one path in clear ice: into a rock, out of it, and through two more.
+_CLEAR_BOUNCES = 6
 _TRANSPARENT_BOUNCES = 8
 
 
@@ -31,8 +33,10 @@ def check_possible(quality: QualitySettings) -> None:
         raise IcyMoonError(lack)
 
 
-def apply(scene: bpy.types.Scene, quality: QualitySettings, seed: int, blurred: bool = False) -> None:
-    """Set the render engine of a scene from ``quality`` settings; ``blurred`` if lens or movement blur the image.
+def apply(scene: bpy.types.Scene, quality: QualitySettings, seed: int, blurred: bool = False,
+          through: bool = False) -> None:
+    """Set the render engine of a scene from ``quality`` settings; ``blurred`` if lens or movement blur the image,
+    ``through`` if light passes through clear ice.
 
     Beside the settings: no clamping (clamp 5 loses 5 to 12 % of Europa's light), no light-sampling
     threshold (its roulette puts up to 32x errors at grazing light), no caustics, exposure 1, and a stated
@@ -63,9 +67,9 @@ def apply(scene: bpy.types.Scene, quality: QualitySettings, seed: int, blurred: 
     cycles.use_light_tree = False
     cycles.diffuse_bounces = quality.diffuse_bounces
     cycles.glossy_bounces = _GLOSSY_BOUNCES
-    cycles.transmission_bounces = 0
+    cycles.transmission_bounces = _CLEAR_BOUNCES if through else 0
     cycles.volume_bounces = 0
-    cycles.max_bounces = max(quality.diffuse_bounces, _GLOSSY_BOUNCES)
+    cycles.max_bounces = max(quality.diffuse_bounces, _GLOSSY_BOUNCES, cycles.transmission_bounces)
     cycles.transparent_max_bounces = _TRANSPARENT_BOUNCES
     cycles.caustics_reflective = cycles.caustics_refractive = False
     cycles.blur_glossy = 0.0

@@ -31,6 +31,7 @@ from ..nodes.rig import eye_poses, lens_values
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.camera.blur import Blur, blur_of
+from ..physics.scene_requirements import clear_rocks
 from . import cycles_settings, occlusion, passes, separate_lights
 from .cost.estimate import bytes_of, count_bytes_left
 from .object_labels import lend_labels
@@ -185,7 +186,8 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     files: dict[str, dict[str, Path]] = {}
     start = time.perf_counter()
     with _turn_camera(built.camera, planned.turn_deg):
-        cycles_settings.apply(scene, settings.quality, planned.render_seed, blur is not None)
+        cycles_settings.apply(scene, settings.quality, planned.render_seed, blur is not None,
+                              clear_rocks(settings))
         prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
         lights = separate_lights.light_passes(scene, built)
         # What moves during a render is not kept from one to the next, nor are surfaces that change between them.

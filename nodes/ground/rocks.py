@@ -7,6 +7,7 @@ into a value pass.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -19,6 +20,8 @@ from ...physics.rocks.shapes import Shape
 from ..tree.builder import Tree
 from .terrain_mesh import build_mesh_from_arrays
 
+#: Angle between triangles of broken ice from which on their edge is sharp.
+_SHARP = math.radians(28.0)
 _SHAPE, _ROTATION, _SCALE = "shape", "rotation", "scale"
 
 
@@ -45,7 +48,12 @@ def build_shapes(name: str, shapes: Sequence[Sequence[Shape]], used: np.ndarray,
         level, shape = divmod(number, len(shapes[0]))
         mesh = build_mesh_from_arrays(f"{name} Shape {number:03d}", shapes[level][shape].vertices,
                                       shapes[level][shape].triangles)
-        mesh.polygons.foreach_set("use_smooth", ~shapes[level][shape].plane)
+        plane = shapes[level][shape].plane
+        if plane.all():  # broken ice: its steps have edges, what is between them has none
+            mesh.shade_smooth()
+            mesh.set_sharp_from_angle(angle=_SHARP)
+        else:
+            mesh.polygons.foreach_set("use_smooth", ~plane)
         mesh.materials.append(material)
         objects.append(bpy.data.objects.new(mesh.name, mesh))
     return objects

@@ -1,10 +1,10 @@
 """Glints of snow: facets of grains that mirror the Sun to one eye and not to the other.
 
-Cells as large as the footprint of a pixel, or as a grain where that is larger, each have one facet. Its slope is drawn
-by the distribution of GGX about the surface, so that the mean over many cells is a broad lobe. The facet itself has a
-narrow lobe, wider the more grains a cell stands for. Cells and facets depend on the place only: a glint stays where it
+Cells about as wide as a pixel, or as a grain where that is larger, each have one facet. Its slope is drawn by the
+distribution of GGX about the surface, so that the mean over many cells is a broad lobe. The facet itself has a narrow
+lobe, wider the more grains a cell stands for. Cells and facets depend on the place only: a glint stays where it
 is while the camera moves, and ends when the facet no longer mirrors the Sun to it. Blender's nodes have no derivatives,
-so the footprint is computed from the distance and the angle.
+so the width of a pixel is computed from the distance.
 
 What is a guess: the share of the light, the spread of slopes and the width of the lobe of a single grain. No photometry
 of single glints was found for icy moons.
@@ -20,8 +20,10 @@ from ..tree.formula import Number, Vector
 
 #: GGX width of the slopes of facets about the surface, and of the lobe of one facet, as alpha.
 _SLOPES, _FACET = 0.6, 0.003
-#: Facets are seen at this angle at least when the footprint is taken, as cosine: at the horizon it has no end.
-_GRAZING = 0.05
+#: Largest facet slope is 50 degrees: other grains hide steeper ones. As the share of all facets that are less steep.
+_LESS_STEEP = 0.8
+#: Width of a cell over that of a pixel, at most: wider ones would be blotches of several pixels.
+_CELL_PX = 1.0
 
 
 def add_glints(tree: Tree, snow: Any, reflectance: Any, geometry: Any, normal: Any, share: float, size_m: float,
@@ -52,10 +54,8 @@ def _add_level(tree: Tree, geometry: Any, size_m: float, pixel_rad: float, seed:
     Between two octaves each place has one by chance, so that no line shows where they change.
     """
     away = Number(tree, tree.node("ShaderNodeCameraData", "Camera").outputs["View Distance"])
-    facing = Vector(tree, geometry.outputs["Normal"]).dot(Vector(tree, geometry.outputs["Incoming"]))
-    # The footprint is longer than wide by 1 / cosine: the side of a square as large.
-    footprint = away * (pixel_rad / size_m) / facing.at_least(_GRAZING).sqrt()
-    octaves = footprint.at_least(1.0).log() * (1.0 / math.log(2.0))
+    pixel = away * (0.5 * _CELL_PX * pixel_rad / size_m)
+    octaves = pixel.at_least(1.0).log() * (1.0 / math.log(2.0))
     chance = tree.node("ShaderNodeTexWhiteNoise", "Chance of an Octave",
                        {"Vector": geometry.outputs["Position"], "W": seed}, noise_dimensions="4D").outputs["Value"]
     return Number(tree, tree.math("FLOOR", "Octave", (octaves + Number(tree, chance)).value))
@@ -68,7 +68,7 @@ def _add_facet(tree: Tree, place: Any, normal: Any, level: Number, cell_m: Numbe
     cell = tree.node("ShaderNodeVectorMath", "Cell", {"Vector": cells}, operation="FLOOR").outputs[0]
     chance = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Facet", {"Vector": cell, "W": (level + seed).value},
                        noise_dimensions="4D")
-    drawn = Number(tree, chance.outputs["Value"]).at_most(1.0 - 1e-6)
+    drawn = Number(tree, chance.outputs["Value"]) * _LESS_STEEP
     slope = (drawn / (1.0 - drawn)).sqrt() * _SLOPES
     # The direction of the slope: a random vector, less its part along the normal.
     random = tree.node("ShaderNodeVectorMath", "About 0", {"Vector": output(chance, "Color"),

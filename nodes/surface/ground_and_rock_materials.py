@@ -25,8 +25,13 @@ from .textures import Textured
 
 def advice(settings: Settings) -> list[str]:
     """Sentences of advice on the surfaces in the scene; none if there is no problem."""
-    shown = [rendered_surface(settings, topic) for topic in surface_topics(settings)]
-    sentences = [principled.albedo_advice(surface) for surface in shown if surface.model == "PRINCIPLED"]
+    topics = surface_topics(settings)
+    shown = [rendered_surface(settings, topic) for topic in topics]
+    # The albedo of rocks that let light through is that of the rest; bubbles have their own.
+    opaque = [surface | ({"transmission": 0.0} if topic == "rock_surface" and principled.lets_light_through(surface)
+                         else {}) for topic, surface in zip(topics, shown, strict=True)]
+    sentences = [principled.albedo_advice(surface) for surface in opaque
+                 if surface.model == "PRINCIPLED" and surface.bubble_share == 0.0]
     textures = settings.textures
     if (settings.hapke.theta_bar_range_deg != 0.0 and any(surface.model == "HAPKE" for surface in shown) and (
             textures.set == "NONE" or (textures.set == "OWN" and not textures.roughness_file))):

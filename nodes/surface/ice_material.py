@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
 
 from ... import compat
-from ...labels import NORMAL_AOV, TERRAIN
+from ...labels import NORMAL_AOV, ROCK, TERRAIN
 from ...physics.camera.stereo_geometry import focal_px
 from ...physics.random_numbers.seeds import generator
 from ...physics.scene_requirements import only_camera_meets_relief
@@ -19,14 +20,16 @@ from ...settings.table import TOPICS
 from ...typed_settings import HapkeSettings, Settings, SurfaceSettings
 from ..tree.builder import Tree
 from ..tree.formula import Number
-from . import reflectance_laws
+from . import ice_layers, reflectance_laws
 from .glints import add_glints
 from .ground_colour import add_ground_colour
+from .ice_layers import WHITE
 from .patches_and_grain import GRAIN_FARTHEST, add_brightness, add_grain, add_grain_by_fineness, darkest
 from .sun_inputs import Sun
 from .textures import Sampler, Textured
 
-WHITE = (1.0, 1.0, 1.0, 1.0)
+#: Blender's level of the specular reflection of a crust: pores take half of what a sheet of ice would reflect.
+_CRUST_SPECULAR = 0.25
 
 
 def _add_product(tree: Tree, label: str, a: Any, b: Any) -> Any:
@@ -115,14 +118,70 @@ def _add_snow(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, var
         subsurface_method="RANDOM_WALK").outputs[0]
 
 
-def _add_principled(tree: Tree, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],
+def _add_principled(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],
                     relief: Mapping[str, Any], smooth: bool) -> Any:
     """Shader socket of Principled ice. If ``smooth``, it has its relief for camera rays only."""
-    seen = _add_snow(tree, "Snow", surface, wanted, varied, relief)
+    seen = _add_snow(tree, label, surface, wanted, varied, relief)
     if not smooth or not relief:
         return seen
     bare = surface | {"grain_amplitude_m": 0.0}  # its albedo needs no correction for light lost between bumps
-    return reflectance_laws.add_seen_or_not(tree, seen, _add_snow(tree, "Smooth Snow", bare, wanted, varied, {}))
+    return reflectance_laws.add_seen_or_not(tree, seen, _add_snow(tree, f"Smooth {label}", bare, wanted, varied, {}))
+
+
+@dataclass(frozen=True)
+class _Ice:
+    """What the layers of Principled ice have in common: the arguments of ``_add_principled``, and those of glints."""
+
+    tree: Tree
+    surface: SurfaceSettings
+    grey: Any
+    colour: Any
+    varied: Mapping[str, Any]
+    relief: Mapping[str, Any]
+    smooth: bool
+    geometry: Any
+    pixel_rad: float
+    offsets: Mapping[str, float]
+
+    def add(self, label: str, surface: SurfaceSettings, colour: Any = None, glints: bool = False) -> Any:
+        """Shader socket of ice with ``surface`` settings; a ``colour`` is that of the albedo, instead of the albedo's
+        number."""
+        tree = self.tree
+        wanted = (_add_reflectance(tree, surface, self.grey, self.colour) if colour is None else
+                  _add_reflectance(tree, surface | {"albedo": 1.0}, self.grey,
+                                   _add_product(tree, f"{label} Colour", colour, self.colour)))
+        shader = _add_principled(tree, label, surface, wanted, self.varied, self.relief, self.smooth)
+        if not glints or surface.glint_share == 0.0 or self.pixel_rad == 0.0:
+            return shader
+        normal = self.relief.get("Normal", self.geometry.outputs["Normal"])
+        return add_glints(tree, shader, wanted, self.geometry, normal, surface.glint_share, surface.glint_size_m,
+                          self.pixel_rad, self.offsets["glints"])
+
+
+def _add_layers(ice: _Ice, crusted: Any, of_rocks: bool) -> tuple[Any, Any]:
+    """Sockets of the shader, and of the volume or None, of Principled ice with the layers of its settings."""
+    tree, surface, volume = ice.tree, ice.surface, None
+    bubbly = (ice_layers.add_bubbly_colour(tree, surface, ice.geometry, ice.offsets["bands"], of_rocks)
+              if surface.bubble_share > 0.0 else None)
+    through = of_rocks and principled.lets_light_through(surface)
+    if through:
+        ice = replace(ice, varied={key: value for key, value in ice.varied.items() if key != "transmission"})
+        surface = surface | {"transmission": 0.0}
+    shader = ice.add("Snow", surface, bubbly, glints=surface.frost_share == 0.0)
+    if through:
+        clear, volume = ice_layers.add_clear_ice(tree, surface, ice.relief.get("Normal"))
+        shader = ice_layers.add_over(tree, "Clear Share", ice.surface.transmission, shader, clear)
+    if crusted is not None:
+        crust = surface | {"roughness": surface.crust_roughness, "specular": _CRUST_SPECULAR,
+                           "grain_amplitude_m": surface.grain_amplitude_m * ice_layers.CRUST_GRAIN}
+        shader = ice_layers.add_over(tree, "Crust on Snow", crusted, shader, ice.add("Crust", crust, bubbly))
+    if surface.frost_share > 0.0:
+        frost = surface | {"albedo": surface.frost_albedo, "roughness": 1.0, "specular": 0.0, "transmission": 0.0,
+                           "subsurface_weight": 0.0}
+        frosted = ice_layers.add_frost_share(tree, surface, ice.geometry, ice.offsets["frost"])
+        over = replace(ice, grey=1.0, colour=None, varied={}).add("Frost", frost, glints=True)
+        shader = ice_layers.add_over(tree, "Frost on Ice", frosted, shader, over)
+    return shader, volume
 
 
 def _numbers_of(surface: SurfaceSettings, settings: Settings | None, textured: Textured | None) -> tuple[str, ...]:
@@ -179,11 +238,12 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
     material = bpy.data.materials.new(name)
     material.pass_index = semantic
     tree = Tree(compat.ensure_nodes(material))
-    offsets = map(float, generator(seed, "surface").uniform(0.0, 1000.0, 7))
-    patches_at, grain_x, salt_at, east, north, *grain_yz = offsets
+    offsets = map(float, generator(seed, "surface").uniform(0.0, 1000.0, 10))
+    patches_at, grain_x, salt_at, east, north, grain_y, grain_z, bands_at, frost_at, crust_at = offsets
     glints_at = math.floor(salt_at) * 64.0  # whole, and further apart than there are octaves
-    grain_at = [w % GRAIN_FARTHEST for w in (grain_x, *grain_yz)]
+    grain_at = [w % GRAIN_FARTHEST for w in (grain_x, grain_y, grain_z)]
     geometry = tree.node("ShaderNodeNewGeometry", "Geometry")
+    surface = ice_layers.as_bubbly_ice(surface)
     found = textured.maps if textured is not None else {}
     pieces = textured.make_sampler(tree, geometry, (east, north)) if textured is not None and found else None
     varied: dict[str, Any] = {}
@@ -198,7 +258,8 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
         mean = max(sum(found["albedo"].mean) / 3, 1e-6)
         of_mean = pieces.vector("SCALE", "Albedo over Mean", pieces.sample("albedo", found["albedo"]), scale=1 / mean)
         colour = _add_product(tree, "Stained Map", of_mean, colour)
-    output_leave = ["Volume", "Thickness"]
+    output_leave = ["Thickness"]
+    volume: Any = None
     relief: dict[str, Any] = {}
     displacement: dict[str, Any] = {}
     material.displacement_method = "BUMP"
@@ -210,6 +271,12 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
         height = _add_fine_height(tree, surface, geometry.outputs["Position"], grain_at, pieces, textured)
         if surface.relief == "DISPLACEMENT":
             moved, height = height, None
+    crusted: Any = None
+    if surface.model == "PRINCIPLED" and surface.crust_share > 0.0:
+        crusted = ice_layers.add_crust_share(tree, surface, geometry, crust_at)
+        height = _add_sum(tree, ice_layers.add_smoothed(tree, crusted, height),
+                          ice_layers.add_crust_height(tree, surface, crusted))
+        moved = ice_layers.add_smoothed(tree, crusted, moved)
     if pieces is not None and "normal" in found:
         relief["Normal"] = pieces.sample_normal(found["normal"])
     if height is not None:
@@ -222,13 +289,11 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
         output_leave.append("Displacement")
     smooth = settings is not None and only_camera_meets_relief(surface, settings.quality)
     if surface.model == "PRINCIPLED":
-        wanted = _add_reflectance(tree, surface, grey, colour)
-        snow = _add_principled(tree, surface, wanted, varied, relief, smooth)
-        if surface.glint_share > 0.0 and settings is not None:
-            normal = relief.get("Normal", geometry.outputs["Normal"])
-            snow = add_glints(tree, snow, wanted, geometry, normal, surface.glint_share, surface.glint_size_m,
-                              1.0 / focal_px(settings.rig), glints_at)
-        shaders = {"ALL": snow}
+        ice = _Ice(tree, surface, grey, colour, varied, relief, smooth, geometry,
+                   1.0 / focal_px(settings.rig) if settings is not None else 0.0,
+                   {"bands": bands_at, "frost": frost_at, "glints": glints_at})
+        shader, volume = _add_layers(ice, crusted, semantic == ROCK)
+        shaders = {"ALL": shader}
     else:
         slopes = (_add_slopes(tree, settings.hapke, varied["roughness"], surface.roughness)
                   if settings is not None and "roughness" in varied else None)
@@ -236,7 +301,8 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
         shaders = _add_law(material, surface, settings, ground, smooth)
     for target, shader in shaders.items():
         tree.node("ShaderNodeOutputMaterial", "Surface in EEVEE" if target == "EEVEE" else "Surface",
-                  {"Surface": shader, **displacement}, leave=output_leave, target=target)
+                  {"Surface": shader, **displacement, **({"Volume": volume} if volume is not None else {})},
+                  leave=[*output_leave, *(["Volume"] if volume is None else [])], target=target)
     tree.node("ShaderNodeOutputAOV", "Geometric Normal", {"Color": geometry.outputs["True Normal"], "Value": 0.0},
               aov_name=NORMAL_AOV)
     tree.arrange()

@@ -22,7 +22,7 @@ from ..tree.formula import Number
 
 ELEVATION = "icymoon_elevation"  # attribute: height above the mean plane in standard deviations
 #: Mean and standard deviation of Blender's normalised noise of four octaves, and the width of a stain's edge.
-_NOISE_MEAN, _NOISE_DEVIATION, _EDGE = 0.5, 0.069, 0.02
+NOISE_MEAN, NOISE_DEVIATION, _EDGE = 0.5, 0.069, 0.02
 #: The deviation that stains of a colour of the user's were made with, which is too large: they cover about 0.6 of a
 #: small share that is asked for. Pairs that have them must stay as they are.
 _DEVIATION_OF_OWN_SALT = 0.093
@@ -59,7 +59,7 @@ def add_grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float
     field = tree.node("ShaderNodeTexNoise", "Grain", {
         "Vector": askew, "Scale": 1.0, "Detail": OCTAVES - 1.0, "Roughness": 0.5, "Lacunarity": 2.0,
         "Distortion": 0.0}, noise_dimensions="3D", noise_type="FBM", normalize=True).outputs[0]
-    centred = tree.math("SUBTRACT", "Grain About 0", field, _NOISE_MEAN)
+    centred = tree.math("SUBTRACT", "Grain About 0", field, NOISE_MEAN)
     return tree.math("MULTIPLY", "Grain of Span 1", centred, _GRAIN_SPAN)
 
 
@@ -87,9 +87,9 @@ def add_grain_by_fineness(tree: Tree, surface: SurfaceSettings, where: Any, plac
         field = tree.node("ShaderNodeTexNoise", f"Octave {k + 1}", {
             "Vector": askew, "Scale": 2.0**k, "Detail": 0.0, "Roughness": 0.5, "Lacunarity": 2.0, "Distortion": 0.0},
             noise_dimensions="3D", noise_type="FBM", normalize=True).outputs[0]
-        about_0 = tree.math("SUBTRACT", f"About 0, {k + 1}", field, _NOISE_MEAN)
+        about_0 = tree.math("SUBTRACT", f"About 0, {k + 1}", field, NOISE_MEAN)
         height = tree.math("MULTIPLY", f"Height {k + 1}", about_0, float(span_m))
-        share = _add_share(tree, f"Carried {k + 1}", spacing, float(wave_m), float(wave_m) * CARRIED)
+        share = add_share(tree, f"Carried {k + 1}", spacing, float(wave_m), float(wave_m) * CARRIED)
         moved = tree.math("MULTIPLY", f"Moved {k + 1}", height, share)
         painted = tree.math("SUBTRACT", f"Painted {k + 1}", height, moved)
         carried = moved if carried is None else tree.math("ADD", f"Moved to {k + 1}", carried, moved)
@@ -127,7 +127,7 @@ def _add_kept(tree: Tree, label: str, share: Any, dirt: float) -> Any:
     return tree.math("SUBTRACT", f"{label} Kept", 1.0, tree.math("MULTIPLY", f"{label} Darkening", share, dirt))
 
 
-def _add_share(tree: Tree, label: str, value: Any, clean: float, dirty: float, smooth: bool = False) -> Any:
+def add_share(tree: Tree, label: str, value: Any, clean: float, dirty: float, smooth: bool = False) -> Any:
     """Output socket: 0 where ``value`` is ``clean``, 1 where it is ``dirty``, limited to that range."""
     return tree.node("ShaderNodeMapRange", label, {
         "Value": value, "From Min": clean, "From Max": dirty, "To Min": 0.0, "To Max": 1.0},
@@ -159,11 +159,11 @@ def add_clean_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth:
         return clean
     field = add_noise(tree, "Dirt Patches", geometry.outputs["Position"], surface.dirt_patch_m, fourth, 4.0)
     # The share of noise that is below its value here: a logistic function is within 0.01 of the Gaussian's.
-    deviations = Number(tree, field).times_plus(1 / _NOISE_DEVIATION, -_NOISE_MEAN / _NOISE_DEVIATION)
+    deviations = Number(tree, field).times_plus(1 / NOISE_DEVIATION, -NOISE_MEAN / NOISE_DEVIATION)
     below = (1.0 / ((deviations * -1.702).exp() + 1.0)).named("Share of Noise Below")
     # With soft edges all of the ground is still free at 1, and none at 0.
     ahead = Number(tree, clean).times_plus(1 + 2 * _EDGE, -_EDGE) - below
-    return _add_share(tree, "Between Patches", ahead.value, -_EDGE, _EDGE, smooth=True)
+    return add_share(tree, "Between Patches", ahead.value, -_EDGE, _EDGE, smooth=True)
 
 
 def _add_factors(tree: Tree, label: str, factors: Sequence[Any]) -> Any:
@@ -179,12 +179,12 @@ def _clean_shares(tree: Tree, surface: SurfaceSettings, geometry: Any, elevated:
     if surface.trough_dirt != 0.0 and elevated:
         height = tree.node("ShaderNodeAttribute", "Elevation", attribute_type="GEOMETRY", attribute_name=ELEVATION)
         clean = math.copysign(1.0, surface.trough_dirt)
-        troughs = _add_share(tree, "Trough Share", output(height, "Fac"), clean, -clean)
+        troughs = add_share(tree, "Trough Share", output(height, "Fac"), clean, -clean)
         factors.append(_add_kept(tree, "Trough", troughs, abs(surface.trough_dirt)))
     if surface.slope_dirt != 0.0:
         normal = tree.node("ShaderNodeSeparateXYZ", "Upright", {"Vector": geometry.outputs["True Normal"]})
         ends = (1.0, 1.0 - _STEEP) if surface.slope_dirt > 0 else (1.0 - _STEEP, 1.0)
-        slopes = _add_share(tree, "Slope Share", normal.outputs["Z"], *ends)
+        slopes = add_share(tree, "Slope Share", normal.outputs["Z"], *ends)
         factors.append(_add_kept(tree, "Slope", slopes, abs(surface.slope_dirt)))
     return factors
 
@@ -195,10 +195,15 @@ def darkest(surface: SurfaceSettings) -> float:
     return float(math.prod(1.0 - abs(surface[key]) for key in ("albedo_variation", *dirt)))
 
 
+def threshold_for_share(share: float, deviation: float = NOISE_DEVIATION) -> float:
+    """The value that this share of noise of four octaves exceeds, of this standard ``deviation``."""
+    return NOISE_MEAN + deviation * statistics.NormalDist().inv_cdf(min(max(1.0 - share, 1e-4), 1 - 1e-4))
+
+
 def add_stained_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
     """Output socket: 1 where salt covers the ground, 0 elsewhere. ``fourth`` selects the field."""
     share = surface.salt_share
     field = add_noise(tree, "Salt", geometry.outputs["Position"], surface.salt_patch_m, fourth, 4.0)
-    deviation = _DEVIATION_OF_OWN_SALT if surface.salt == "OWN" else _NOISE_DEVIATION
-    threshold = _NOISE_MEAN + deviation * statistics.NormalDist().inv_cdf(min(max(1.0 - share, 1e-4), 1 - 1e-4))
-    return _add_share(tree, "Stained", field, threshold - _EDGE, threshold + _EDGE, smooth=True)
+    deviation = _DEVIATION_OF_OWN_SALT if surface.salt == "OWN" else NOISE_DEVIATION
+    threshold = threshold_for_share(share, deviation)
+    return add_share(tree, "Stained", field, threshold - _EDGE, threshold + _EDGE, smooth=True)

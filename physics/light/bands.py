@@ -16,7 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ..surfaces.spectra import MATERIALS, snow_reflectance
+from ..surfaces.spectra import MATERIALS, bubbly_ice_reflectance, ice_absorption_1_m, snow_reflectance
 from .photons import planck
 from .sunlight import BANDS_M, SUN_TEMPERATURE_K
 
@@ -55,3 +55,15 @@ def material_bands(name: str) -> tuple[float, float, float]:
 def snow_bands(grain_radius_m: float) -> tuple[float, float, float]:
     """Reflectances in R, G, B of clean snow with grains of this radius."""
     return band_reflectances(lambda wavelength_nm: snow_reflectance(wavelength_nm, grain_radius_m))
+
+
+@lru_cache(maxsize=64)
+def bubbly_ice_bands(bubble_radius_m: float, bubble_share: float) -> tuple[float, float, float]:
+    """Reflectances in R, G, B of clean, deep ice with bubbles of this radius and share of the volume."""
+    return band_reflectances(lambda wavelength_nm: bubbly_ice_reflectance(wavelength_nm, bubble_radius_m, bubble_share))
+
+
+def clear_ice_absorption_1_m() -> tuple[float, float, float]:
+    """Absorption coefficients of pure ice at the wavelengths of the bands R, G, B, in 1/m."""
+    red, green, blue = ice_absorption_1_m(np.array(BANDS_M) * 1e9).tolist()
+    return red, green, blue

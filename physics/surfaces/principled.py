@@ -50,6 +50,23 @@ def root_f0(refractive_index: float, specular: float) -> float:
     return math.sqrt(plain * 2.0 * specular)
 
 
+def lets_light_through(surface: SurfaceSettings) -> bool:
+    """Whether rocks of this surface let light through."""
+    return (surface.model == "PRINCIPLED" and surface.transmission > 0.0 and surface.transmitted == "THROUGH")
+
+
+def diffuse_fresnel_reflectance(refractive_index: float) -> float:
+    """Share of light from all sides that a smooth surface of this refractive index reflects, by Fresnel's formula."""
+    nodes, weights = np.polynomial.legendre.leggauss(32)
+    # cos i = x^2 as variable, since reflection rises steeply near grazing.
+    x = (nodes + 1) / 2
+    mu = x**2
+    refracted = np.sqrt(1 - (1 - mu**2) / refractive_index**2)
+    across = ((mu - refractive_index * refracted) / (mu + refractive_index * refracted)) ** 2
+    along = ((refractive_index * mu - refracted) / (refractive_index * mu + refracted)) ** 2
+    return float(np.sum(weights / 2 * 2 * x * 2 * mu * (across + along) / 2))
+
+
 def _interpolate(values: np.ndarray, root: float, roughness: float) -> Any:
     """Bilinear interpolation in the first two axes of a table."""
     table = _table()

@@ -27,6 +27,7 @@ _ICE_K = np.array([
 #: Shape of snow's grains: factor on the absorption and asymmetry of scattering. Libois et al. 2014, Journal of
 #: Glaciology 60, 498: B = 1.6, and g = 0.845 with the absorption of real snow.
 _ABSORPTION_ENHANCEMENT, _ASYMMETRY = 1.6, 0.845
+_BUBBLE_ASYMMETRY = 0.79
 
 
 def ice_absorption_1_m(wavelength_nm: np.ndarray | float) -> np.ndarray:
@@ -48,6 +49,20 @@ def snow_reflectance(wavelength_nm: np.ndarray | float, grain_radius_m: float) -
     surface_per_mass = 3 / (ICE_KG_M3 * grain_radius_m)
     coalbedo = 2 * _ABSORPTION_ENHANCEMENT * ice_absorption_1_m(wavelength_nm) / (ICE_KG_M3 * surface_per_mass)
     return np.asarray(np.exp(-np.sqrt(16 / 3 * coalbedo / (1 - _ASYMMETRY))))
+
+
+def bubbly_ice_reflectance(wavelength_nm: np.ndarray | float, bubble_radius_m: float,
+                           bubble_share: float) -> np.ndarray:
+    """Reflectance of deep, clean ice with air bubbles in even light, without that of its surface.
+
+    It is exp(-4 √(α (1 - f) · 4a/3 / (3 f (1 - g)))): the same asymptotic radiative transfer as for snow, with bubbles
+    of radius a and volume share f as scatterers, as in the package snowoptics 0.99.2. g = 0.79 is the asymmetry of
+    spherical bubbles in geometric optics, without the light that is diffracted. The fewer and larger the bubbles are,
+    the further light travels in ice between them, and the bluer the ice is.
+    """
+    absorbed = ice_absorption_1_m(wavelength_nm) * (1 - bubble_share)
+    scattered = 3 * bubble_share * (1 - _BUBBLE_ASYMMETRY) / (4 / 3 * bubble_radius_m)
+    return np.asarray(np.exp(-4 * np.sqrt(absorbed / scattered)))
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,7 @@ GROUPS = {
     "shortcuts": "parts that may be left out: subsurface scattering, fine relief for rays other than the camera's, "
                  "labels and normals",
     "subsurface": "model of subsurface scattering",
+    "glints": "facets of snow that mirror the Sun, most to one eye only",
     "mesh": "largest error of the ground's mesh",
     "relief": "fine relief as bump or as geometry",
     "hapke": "terms and accuracy of Hapke's law",
@@ -183,6 +184,8 @@ def _surface_models(group: str, settings: Settings) -> list[Variant]:
         parts = {**({"none": {"surface": {"subsurface_weight": 0.0}}} if follows_walk(settings, "surface") else {}),
                  "Hapke": {"surface": {"model": "HAPKE"}, "hapke": _isotropic_hapke(settings)},
                  "Lambert": {"surface": {"model": "LAMBERT"}}}
+    if group == "glints" and surface.model == "PRINCIPLED" and surface.glint_share > 0:
+        parts = {"none": {"surface": {"glint_share": 0.0}}}
     if group == "hapke" and surface.model == "HAPKE":
         parts = {
             "fast": {"hapke": {"accuracy": "FAST"}}, "accurate": {"hapke": {"accuracy": "ACCURATE"}},

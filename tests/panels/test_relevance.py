@@ -96,9 +96,11 @@ def test_a_landform_that_there_is_none_of_has_but_the_setting_that_makes_some(to
     assert relevant(topic, {topic: {keys[0]: 0.001}}) == set(keys)
 
 
-PRINCIPLED = {"subsurface_weight", "transmission", "roughness", "specular", "refractive_index", "glint_share"}
-IDLE = {"albedo_patch_m", "subsurface_radius_m", "salt_patch_m", "salt_red", "salt_green", "salt_blue", "glint_size_m",
-        "snow_grain_m", "dirt", "dirt_patch_m", "salt"}
+PRINCIPLED = {"subsurface_weight", "transmission", "roughness", "specular", "refractive_index", "glint_share",
+              "bubble_share", "frost_share", "crust_share"}
+IDLE = {"transmitted", "bubble_radius_m", "bubble_band_m", "frost_patch_m", "frost_albedo", "crust_patch_m",
+        "crust_height_m", "crust_roughness", "albedo_patch_m", "subsurface_radius_m", "salt_patch_m", "salt_red",
+        "salt_green", "salt_blue", "glint_size_m", "snow_grain_m", "dirt", "dirt_patch_m", "salt"}
 #: What a state of the settings leaves of a topic: all keys but those named, or those named alone.
 CASES = [
     ("terrain", {}, "but", {"resolution"}), ("terrain", {"mesh": {"kind": "GRID"}}, "but", {"body_radius_m"}),
@@ -114,8 +116,10 @@ CASES = [
     ("source", {"source": {"kind": "HEIGHT_MAP"}}, "but", {"scale", "up_axis", "repair"}),
     ("surface", {}, "but", {"lommel_seeliger_share", *IDLE}),
     ("surface", {"surface": {"subsurface_weight": 0.1, "salt_share": 0.1, "albedo_variation": 0.1,
-                             "glint_share": 0.01}}, "but",
-     {"lommel_seeliger_share", "snow_grain_m", "dirt", "dirt_patch_m"}),
+                             "glint_share": 0.01, "transmission": 0.1, "frost_share": 0.1, "crust_share": 0.1}}, "but",
+     {"lommel_seeliger_share", "snow_grain_m", "dirt", "dirt_patch_m", "bubble_radius_m", "bubble_band_m"}),
+    ("surface", {"surface": {"bubble_share": 0.01, "ice_colour": "SNOW"}}, "but",
+     {"lommel_seeliger_share", "albedo", "ice_colour"} | IDLE - {"bubble_radius_m", "bubble_band_m"}),
     ("surface", {"surface": {"slope_dirt": 0.1, "dirt": "THOLIN", "ice_colour": "SNOW", "salt": "SULPHUR",
                              "salt_share": 0.1}}, "but",
      {"lommel_seeliger_share", "salt_red", "salt_green", "salt_blue"} | IDLE - {

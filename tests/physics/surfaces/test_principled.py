@@ -62,3 +62,9 @@ def test_advice_names_what_takes_the_light():
     assert "subsurface_weight" in principled.albedo_advice(surface(albedo=1.0, subsurface_weight=1.0))
     assert "grain_amplitude_m" in principled.albedo_advice(surface(albedo=1.0, grain_amplitude_m=0.05))
     assert "specular" in principled.albedo_advice(surface(albedo=0.01, specular=1.0))
+
+
+@pytest.mark.parametrize(("index", "share"), [(1.0, 0.0), (1.31, 0.0627), (1.5, 0.0918)])
+def test_even_light_is_reflected_as_tables_have_it(index, share):
+    # Glass of 1.5 reflects 9.2 % (Judd 1942, J. Res. NBS 29, 329); Walsh's closed form gives 0.0627 for 1.31.
+    assert principled.diffuse_fresnel_reflectance(index) == pytest.approx(share, abs=1e-4)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from icymoon.physics.surfaces.spectra import MATERIALS, ice_absorption_1_m, snow_reflectance
+from icymoon.physics.surfaces.spectra import MATERIALS, bubbly_ice_reflectance, ice_absorption_1_m, snow_reflectance
 
 VISIBLE_NM = np.linspace(400, 700, 61)
 
@@ -25,6 +25,21 @@ def test_coarse_snow_is_darker_and_bluer():
     fine, coarse = (snow_reflectance(VISIBLE_NM, radius) for radius in (50e-6, 2e-3))
     assert (coarse < fine).all()
     assert coarse[0] / coarse[-1] > fine[0] / fine[-1] > 1
+
+
+@pytest.mark.parametrize(("share", "red", "green", "blue"), [
+    (0.05, 0.77, 0.89, 0.95), (0.01, 0.56, 0.76, 0.89), (0.001, 0.15, 0.41, 0.70)])
+def test_ice_is_as_blue_as_its_bubbles_are_few(share, red, green, blue):
+    # The same formula evaluated by the package snowoptics 0.99.2 at 630, 544 and 480 nm, two digits.
+    made = bubbly_ice_reflectance(np.array([630.0, 544.0, 480.0]), 5e-4, share)
+    assert made == pytest.approx([red, green, blue], abs=6e-3)
+
+
+def test_only_the_surface_of_few_bubbles_counts():
+    # Twice the radius and twice the share are the same area across light.
+    small, large = (bubbly_ice_reflectance(VISIBLE_NM, size * 1e-4, size * 1e-5) for size in (1.0, 2.0))
+    assert small == pytest.approx(large, rel=1e-4)
+    assert bubbly_ice_reflectance(VISIBLE_NM, 1e-9, 0.1) == pytest.approx(np.ones(61), abs=2e-3)
 
 
 def test_snow_of_no_grain_is_white():

@@ -16,6 +16,7 @@ OWN = {"scene": set(), "samples": {"quality.samples", "quality.denoiser"}, "boun
        "relief": {"surface.relief"}, "shortcuts": {"quality.fine_relief", "quality.walk_px", "quality.truth"},
        "subsurface": {"surface.subsurface_weight", "surface.model",
                       *(f"hapke.{key}" for key in description.defaults().hapke)},
+       "glints": {"surface.glint_share"},
        "hapke": {"surface.model", *(f"hapke.{key}" for key in description.defaults().hapke)}}
 
 

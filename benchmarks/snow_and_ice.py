@@ -1,0 +1,71 @@
+"""What layers of snow and ice cost: processor seconds of a pair, and ratios within one run.
+
+    python benchmarks/snow_and_ice.py [--width PX] [--samples N]
+
+Renders rocks on broken ground with each layer, and without. What glints do to matchers, ``icymoon trade --vary glints``
+measures.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+from icymoon.nodes.scene import build
+from icymoon.render.plans.planned_pair import expand_headings
+from icymoon.render.worker import render_pairs
+from icymoon.settings import description, preset_files
+from icymoon.typed_settings import Parts
+
+PLAIN: Parts = {"surface": {"albedo": 0.8, "albedo_variation": 0.1}, "light": {"planet": False}}
+_CLEAR: Parts = {"rocks": {"own_surface": True}, "rock_surface": {"transmission": 0.7}}
+LAYERS: dict[str, Parts] = {
+    "none": {}, "glints": {"surface": {"glint_share": 0.03}}, "crust": {"surface": {"crust_share": 0.45}},
+    "frost": {"surface": {"frost_share": 0.5}}, "bubbles": {"surface": {"bubble_share": 0.02}},
+    "bubbles in bands": {"surface": {"bubble_share": 0.02, "bubble_band_m": 0.5}},
+    "frost with glints on bubbles in bands": {"surface": {
+        "bubble_share": 0.02, "bubble_band_m": 0.5, "frost_share": 0.5, "glint_share": 0.03}},
+    "rocks with transmission, lost": _CLEAR,
+    "rocks with transmission, through": description.merged(_CLEAR, {"rock_surface": {"transmitted": "THROUGH"}}),
+}
+
+
+def render_seconds(settings: description.Settings, folder: Path) -> float:
+    """Processor seconds of the render of a pair into a folder, without building its scene."""
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    built = build(bpy.context.scene, settings)
+    start = time.process_time()
+    render_pairs(built, expand_headings(settings), folder, 1, 0.0, lambda *a, **k: None)
+    return time.process_time() - start
+
+
+def small(preset: str, width: int, samples: int, *parts: Parts) -> description.Settings:
+    """A preset's settings for an image this wide, without a denoiser, with changes."""
+    image: Parts = {"rig": {"width_px": width, "height_px": width * 3 // 4},
+                    "quality": {"samples": samples, "denoiser": "NONE", "threads": 2}}
+    return description.merged(description.defaults(), preset_files.load_preset(preset), image, *parts)
+
+
+def costs(width: int, samples: int) -> Iterator[str]:
+    """Lines of a table of what each layer costs."""
+    plain = 0.0
+    for name, part in LAYERS.items():
+        with tempfile.TemporaryDirectory(prefix="icymoon-ice-") as folder:
+            took = render_seconds(small("gallery/block_field", width, samples, PLAIN, part), Path(folder))
+        plain = plain or took
+        yield f"| {name} | {took:.1f} | {took / plain:.2f} |"
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--width", type=int, default=160)
+    parser.add_argument("--samples", type=int, default=16)
+    asked = parser.parse_args()
+    for line in costs(asked.width, asked.samples):
+        print(line, flush=True)
+    os._exit(0)  # Blender as a module may hang when the interpreter ends

@@ -1,0 +1,142 @@
+"""What is in the ice and on it: bubbles in bands, light through clear rocks, a broken crust on snow, thin frost.
+
+Each layer is a shader of its own with its own albedo, so the albedo of a mixture is the mean by area. Where a layer
+covers all or nothing, Cycles evaluates only what is seen. What is switched off gets no nodes.
+
+What is a guess: the shapes of patches and bands, and all steepnesses here. No image shows ice of either moon at
+centimetres.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ...physics.light.bands import bubbly_ice_bands, clear_ice_absorption_1_m
+from ...physics.surfaces.principled import diffuse_fresnel_reflectance
+from ...typed_settings import SurfaceSettings
+from ..tree.builder import Tree
+from ..tree.formula import Number
+from .patches_and_grain import NOISE_DEVIATION, NOISE_MEAN, add_noise, add_share, threshold_for_share
+
+WHITE, _RGB = (1.0, 1.0, 1.0, 1.0), ("Red", "Green", "Blue")
+#: Whitest and bluest bands have this many times the bubbles of the mean and this part of them; the most bubbles of all.
+_BAND_CONTRAST, _MOST_BUBBLES = 4.0, 0.6
+#: Direction across the bands of the ground, as of veins that refroze; distance over which they bend, in bands, and by
+#: how many.
+_ACROSS, _BEND, _BEND_BY = (0.88, 0.38, 0.28), 4.0, 3.0
+#: Frost: cosines of the slopes, 30 and 65 degrees, from which on it becomes less and at which none is left; standard
+#: deviations by which the noise would have to rise there; half the width of its edge, in deviations, which is thin.
+_FROST_FULL, _FROST_FREE, _NEVER, _FROST_EDGE = 0.87, 0.42, 7.5, 0.25
+#: Crust: width of its edge in deviations of the noise, and the grain's height that is left under it.
+_CRUST_EDGE = 0.05
+CRUST_GRAIN = 0.15
+
+
+def as_bubbly_ice(surface: SurfaceSettings) -> SurfaceSettings:
+    """``surface`` settings whose albedo is that of their bubbles, as the mean of the bands, on which dirt and salt are
+    factors; unchanged without bubbles."""
+    if surface.model != "PRINCIPLED" or surface.bubble_share == 0.0:
+        return surface
+    bands = bubbly_ice_bands(surface.bubble_radius_m, surface.bubble_share)
+    return surface | {"albedo": sum(bands) / 3, "ice_colour": "GREY"}
+
+
+def add_bubbly_colour(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, of_rocks: bool) -> Any:
+    """Output socket of the albedo, by band, of ice with the bubbles of ``surface`` settings.
+
+    In bands the share f of bubbles varies by equal factors up and down. Each band's albedo A then is a power of that of
+    the mean share, since ln A is proportional to √((1 - f) / f).
+    """
+    bands = bubbly_ice_bands(surface.bubble_radius_m, surface.bubble_share)
+    if surface.bubble_band_m == 0.0:
+        parts: dict[str, Any] = dict(zip(_RGB, bands, strict=True))
+        return tree.node("ShaderNodeCombineColor", "Bubbly Ice", parts, mode="RGB").outputs[0]
+    share = _add_bubble_share(tree, surface, geometry, fourth, of_rocks)
+    mean = math.sqrt((1.0 - surface.bubble_share) / surface.bubble_share)
+    exponent = ((1.0 - share) / share).sqrt() * (1.0 / mean)
+    parts = {key: tree.math("POWER", f"Bubbly Ice {key}", band, exponent.value)
+             for key, band in zip(_RGB, bands, strict=True)}
+    return tree.node("ShaderNodeCombineColor", "Bubbly Ice", parts, mode="RGB").outputs[0]
+
+
+def _add_bubble_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, of_rocks: bool) -> Number:
+    """The share of bubbles at a place."""
+    place = geometry.outputs["Position"]
+    across = tree.node("ShaderNodeVectorMath", "Across the Bands", {
+        "Vector": place, "Vector_001": tuple(part / surface.bubble_band_m for part in _ACROSS)},
+        operation="DOT_PRODUCT").outputs["Value"]
+    bend = Number(tree, add_noise(tree, "Bend", place, _BEND * surface.bubble_band_m, fourth, 1.0))
+    along = Number(tree, across) + bend * (2.0 * _BEND_BY) + math.fmod(fourth, 97.0)
+    if of_rocks:  # each is a piece from elsewhere
+        chance = tree.node("ShaderNodeObjectInfo", "Piece").outputs["Random"]
+        along = along + Number(tree, chance) * 512.0
+    band = tree.node("ShaderNodeTexNoise", "Bands", {
+        "W": along.value, "Scale": 1.0, "Detail": 2.0, "Roughness": 0.6, "Lacunarity": 2.0, "Distortion": 0.0},
+        noise_dimensions="1D", noise_type="FBM", normalize=True).outputs[0]
+    step = ((Number(tree, band) - NOISE_MEAN) * (1.0 / (2.0 * NOISE_DEVIATION))).at_least(-1.0).at_most(1.0)
+    return ((step * math.log(_BAND_CONTRAST)).exp() * surface.bubble_share).at_most(_MOST_BUBBLES)
+
+
+def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Any) -> tuple[Any, Any]:
+    """Sockets of the surface and of the volume of clear ice that light passes through.
+
+    What sees it directly or through a mirror sees it refract. Light for other ground passes straight through, as no
+    lamp is found through a refracting surface. As much of it is reflected, to all sides, as of even light.
+    """
+    about = {} if normal is None else {"Normal": normal}
+    glass = tree.node("ShaderNodeBsdfGlass", "Clear Ice", {
+        "Color": WHITE, "Roughness": surface.roughness, "IOR": surface.refractive_index, **about},
+        if_present={"Weight": 0.0, "Thin Film Thickness": 0.0, "Thin Film IOR": 1.33},
+        leave=() if about else ("Normal",), distribution="MULTI_GGX").outputs[0]
+    straight = tree.node("ShaderNodeBsdfTransparent", "Straight Through", {"Color": WHITE},
+                         if_present={"Weight": 0.0}).outputs[0]
+    back = tree.node("ShaderNodeBsdfDiffuse", "Reflected", {"Color": WHITE, "Roughness": 0.0},
+                     if_present={"Weight": 0.0}, leave=("Normal",)).outputs[0]
+    straight = add_over(tree, "Straight or Reflected", diffuse_fresnel_reflectance(surface.refractive_index), straight,
+                        back)
+    path = tree.node("ShaderNodeLightPath", "Clear Ice for Whom").outputs
+    lighting = Number(tree, path["Is Shadow Ray"]).at_least(Number(tree, path["Is Diffuse Ray"]))
+    shader = tree.node("ShaderNodeMixShader", "Refracted or Straight", {
+        "Fac": lighting.value, "Shader": glass, "Shader_001": straight}).outputs[0]
+    absorption = clear_ice_absorption_1_m()
+    most = max(absorption)
+    volume = tree.node("ShaderNodeVolumeAbsorption", "Absorption of Pure Ice", {
+        "Color": (*(1.0 - part / most for part in absorption), 1.0), "Density": most},
+        if_present={"Weight": 0.0}).outputs[0]
+    return shader, volume
+
+
+def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
+    """Output socket of the share of a place that is frost: much on level ground and on top of rocks, none on steep
+    faces."""
+    field = add_noise(tree, "Frost", geometry.outputs["Position"], surface.frost_patch_m, fourth, 4.0)
+    upright = tree.node("ShaderNodeSeparateXYZ", "Up", {"Vector": geometry.outputs["True Normal"]}).outputs["Z"]
+    rise = _NEVER * NOISE_DEVIATION / (_FROST_FULL - _FROST_FREE)
+    steep = (_FROST_FULL - Number(tree, upright)).at_least(0.0) * rise
+    limit, edge = threshold_for_share(surface.frost_share), _FROST_EDGE * NOISE_DEVIATION
+    return add_share(tree, "Frosted", (Number(tree, field) - steep).value, limit - edge, limit + edge, smooth=True)
+
+
+def add_crust_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
+    """Output socket of the share of a place that is crust: 0 or 1 but for its edge."""
+    field = add_noise(tree, "Crust", geometry.outputs["Position"], surface.crust_patch_m, fourth, 5.0)
+    limit, edge = threshold_for_share(surface.crust_share), _CRUST_EDGE * NOISE_DEVIATION
+    return add_share(tree, "Crusted", field, limit - edge, limit + edge)
+
+
+def add_smoothed(tree: Tree, crusted: Any, height: Any) -> Any:
+    """Output socket of a height of fine relief, lower under a crust; None if there is no relief."""
+    if height is None:
+        return None
+    return (Number(tree, height) * (1.0 - Number(tree, crusted) * (1.0 - CRUST_GRAIN))).value
+
+
+def add_crust_height(tree: Tree, surface: SurfaceSettings, crusted: Any) -> Any:
+    """Output socket of the height in metres of a crust above the snow beside it."""
+    return (Number(tree, crusted) * surface.crust_height_m).value
+
+
+def add_over(tree: Tree, label: str, share: Any, under: Any, layer: Any) -> Any:
+    """Shader socket of ``layer`` over its share of ``under``."""
+    return tree.node("ShaderNodeMixShader", label, {"Fac": share, "Shader": under, "Shader_001": layer}).outputs[0]
