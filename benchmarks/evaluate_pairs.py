@@ -2,10 +2,10 @@
 
     python benchmarks/evaluate_pairs.py
 
-On a 2-core x86 machine under a load of 3, pairs of 640 x 480 px, bm and sgbm, three runs: 0.8 to 1.0 s, of which the
-matchers take 0.14 s; an earlier version of 2026-11-22 took 2.8 and 2.9 s under a load of 6 to 9. Of a pair, loading and
-self-check are 0.4 s, of which the self-check is 0.2 s. Of a method on a pair, depth orders are 0.13 s, the other
-metrics 0.15 s and the pictures 0.06 s. The report takes 4 to 8 s once, nearly all of it for charts.
+On a 2-core x86 machine under a load of 15 to 25, pairs of 640 x 480 px, bm and sgbm, three runs: 0.50 to 0.58 s, of which
+the matchers take 0.10 to 0.14 s; earlier versions took 0.8 to 1.0 s (load of 3) and 2.8 s (6 to 9). Of a pair, loading and
+self-check are 0.34 s, and of a method on a pair the metrics 0.23 s and the pictures 0.04 s. The report takes 2 s once, and
+8 s more in a process that has drawn no chart before.
 """
 
 from __future__ import annotations

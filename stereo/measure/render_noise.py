@@ -20,8 +20,8 @@ from ...physics.camera.occlusion import matching_column
 
 CLEAN, NOISY, DECIDES = "clean", "noisy", "noise decides"
 #: Share of the lit or shaded pixels with more noise than texture up to which a pair is CLEAN, and up to which it is
-#: NOISY. Measured on one terrain in two lights: with 0.5 % of the lit pixels, SGBM was within 0.1 points of a render
-#: with four times the samples.
+#: NOISY. On ten scenes each per cent of such pixels cost SGBM 0.09 to 0.31 points from 64 to 8 samples: 1 % at most 0.3
+#: points, and 5 % at most 1.5.
 SHARES = ((0.01, CLEAN), (0.05, NOISY))
 #: Share of the image from which on light or shadow counts.
 _LEAST_SHARE = 0.05
@@ -32,7 +32,7 @@ _SHADOW_PART, _SHADOW_QUANTILE, _BLUR_PX = 0.25, 0.9, 3.0
 #: Sides of the squares over which texture and noise are taken, px.
 _TEXTURE_PX, _NOISE_PX = 5, 9
 #: Upper bounds of the ratio of texture to noise, and the share of pixels within them that SGBM gets wrong or misses on
-#: rough ice in a low Sun; without noise 1 %.
+#: rough ice in a low Sun; without noise 1 %. On ten scenes the sum was more than noise changed, 1.1 to 10 times.
 _RATIOS, _WRONG, _WRONG_WITHOUT = (0.5, 1.0, 2.0, 4.0), np.array([0.45, 0.30, 0.12, 0.025, 0.01]), 0.01
 #: Noise of an eye, in grey levels, below which it counts as none: rounding to 8 bits alone makes 0.29.
 _NO_NOISE_DN = 0.1

@@ -79,8 +79,8 @@ class Notes:
             yield Note(f"Noise of the render decides the result in {len(self._decided)} of {self._pairs} pairs",
                        "in light or in shadow, more than 5 % of the pixels have less texture than noise. In the worst "
                        f"of them, methods that differ by less than {100 * max(self._decided):.2g} % of the pixels may "
-                       "differ by noise alone. Raise quality.samples and look whether their order stays: these limits "
-                       "rest on two scenes.")
+                       "differ by noise alone, a bound that is 1 to 10 times too large on ten scenes. Raise "
+                       "quality.samples and look whether their order stays.")
         if self._noisy:
             yield Note(f"{self._noisy} of {self._pairs} pairs are noisy",
                        "in light or in shadow, 1 to 5 % of the pixels have less texture than noise.")

@@ -160,3 +160,11 @@ def test_no_width_makes_the_page_wider_than_the_screen(page, width):
     page.resize(width, 900, dark=True)
     assert page.value("document.documentElement.scrollWidth") == width
     assert page.value("getComputedStyle(document.body).backgroundColor") == "rgb(16, 21, 27)"
+
+
+def test_a_chart_alone_is_no_larger_than_beside_others(page):
+    """Foreign pairs have one chart under Where it fails, for instance."""
+    width = "document.querySelector('.charts svg').getBoundingClientRect().width"
+    beside = page.value(width)
+    page.value("[...document.querySelector('.charts').children].slice(1).forEach(each => each.remove())")
+    assert page.value(width) == beside < 500
