@@ -2,10 +2,10 @@
 
     python benchmarks/evaluate_pairs.py
 
-On a 2-core x86 machine under a load of 15 to 25, pairs of 640 x 480 px, bm and sgbm, three runs: 0.50 to 0.58 s, of which
-the matchers take 0.10 to 0.14 s; earlier versions took 0.8 to 1.0 s (load of 3) and 2.8 s (6 to 9). Of a pair, loading and
-self-check are 0.34 s, and of a method on a pair the metrics 0.23 s and the pictures 0.04 s. The report takes 2 s once, and
-8 s more in a process that has drawn no chart before.
+On a 2-core x86 machine under a load of 15 to 25, pairs of 640 x 480 px, bm and sgbm, three runs: 0.50 to 0.58 s, of
+which the matchers take 0.10 to 0.14 s; earlier versions took 0.8 to 1.0 s (load of 3) and 2.8 s (6 to 9). Of a pair,
+loading and self-check are 0.34 s, and of a method on a pair the metrics 0.23 s and the pictures 0.04 s. The report
+takes 2 s once, and 8 s more in a process that has drawn no chart before.
 """
 
 from __future__ import annotations
