@@ -22,6 +22,8 @@ from ..tree.builder import Tree
 SOURCE = Path(__file__).parent / "hapke.osl"
 _SOCKETS = {"float": "NodeSocketFloat", "int": "NodeSocketInt", "color": "NodeSocketColor",
             "vector": "NodeSocketVector", "normal": "NodeSocketVector", "closure color": "NodeSocketShader"}
+#: Where an instruction comes from, which 4.2 writes into its byte code.
+_FILE_NAME = re.compile(r' ?%filename\{"[^"\n]*"\}')
 _PARAMETER = re.compile(r"^(o?param)\t(closure color|\w+)\t(\w+)", re.MULTILINE)
 
 
@@ -29,14 +31,15 @@ _PARAMETER = re.compile(r"^(o?param)\t(closure color|\w+)\t(\w+)", re.MULTILINE)
 def compile_source() -> str:
     """The byte code of ``hapke.osl``. Raises RuntimeError if it does not compile.
 
-    It is free of the compiler's comments, which name folders of this machine and differ from call to call.
+    It is free of the compiler's comments and of file names, which name folders of this machine, the comments other
+    ones at each call.
     """
     with scratch_folder() as folder:
         target = folder / "hapke.oso"
         if not compat.compile_osl(SOURCE, target):
             raise RuntimeError(f"Cycles could not compile {SOURCE.name}.")
         lines = target.read_text(encoding="utf-8").splitlines(keepends=True)
-        return "".join(line for line in lines if not line.startswith("#"))
+        return _FILE_NAME.sub("", "".join(line for line in lines if not line.startswith("#")))
 
 
 def add_script_node(tree: Tree, label: str, inputs: Mapping[str, Any]) -> Any:
