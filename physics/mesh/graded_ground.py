@@ -120,7 +120,8 @@ class Graded:
         inside = ~split.bordering
         inside[:len(seen)] &= np.isin(np.arange(len(seen)), split.faces[split.cut])
         finer = np.flatnonzero(inside)
-        positions[finer] = self._raise(_round_to_single(positions[finer, :2]), step[finer] / relief.parts)
+        # Fine relief stands for the ground below the spacing before the cut, whose own waves are left out.
+        positions[finer] = self._raise(_round_to_single(positions[finer, :2]), step[finer])
         spacing = np.full(len(positions), np.inf)
         spacing[finer] = step[finer] / relief.parts
         return GradedMesh(positions, split.faces, whole.sharp, spacing, split.cut)
