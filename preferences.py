@@ -9,11 +9,11 @@ from typing import Any
 
 import bpy
 
+from . import cache
 from .commands.doctor import Finding
 from .errors import IcyMoonError
 from .files import parse_path
 from .formats import asset_library
-from .render.cost import speed
 from .settings import announcements, trust_boundary
 from .stereo.environment.install import is_unfinished
 from .stereo.environment.packages import PACKAGES
@@ -159,7 +159,7 @@ def _matcher_texts(item: Any) -> list[str]:
 
 
 def _choose_cache(preferences: Any, context: bpy.types.Context) -> None:
-    speed.choose_folder(bpy.path.abspath(preferences.cache) if preferences and preferences.cache else "")
+    cache.choose_folder(bpy.path.abspath(preferences.cache) if preferences and preferences.cache else "")
 
 
 #: Findings of the last Check in this session, which the preferences show.
@@ -204,7 +204,7 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
                     "that name no kernels")
     cache: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Cache", subtype="DIR_PATH", default="", update=_choose_cache,
-        description="Folder for the measured speed of this machine, from which render times are estimated. Empty for "
+        description="Folder for the measured speed of this machine and for stand-ins that were made. Empty for "
                     "your user cache, which the command line uses too")
     workers: bpy.props.IntProperty(  # type: ignore[valid-type]
         name="Workers", min=0, max=1024, soft_max=16, default=0,
@@ -286,7 +286,7 @@ def _give_kernels(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 def unregister() -> None:
     """Unregister the preferences."""
     announcements.listeners.remove(_give_kernels)
-    speed.choose_folder("")
+    cache.choose_folder("")
     findings.clear()
     bpy.utils.unregister_class(ICYMOON_AP_preferences)
     bpy.utils.unregister_class(ICYMOON_PG_matcher)

@@ -9,10 +9,10 @@ from __future__ import annotations
 from contextlib import suppress
 from pathlib import Path
 
+from ..cache import own_cache_folder
 from ..errors import IcyMoonError
 from ..files import sha256, write_json
 from ..records import TABLE, read_record
-from ..render.cost.speed import own_cache_folder
 
 #: Maximum number of checksums in the file, the newest last.
 _MOST = 500

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from icymoon import files, records, system
+from icymoon import cache, files, records, system
 from icymoon.commands.sources import read_pair_settings
 from icymoon.errors import IcyMoonError
 from icymoon.render.cost import estimate
@@ -178,7 +178,7 @@ def test_a_damaged_job_is_read_or_told_in_a_sentence(tmp_path):
 
 def test_what_a_damaged_file_of_ones_own_remembers_is_forgotten(tmp_path, monkeypatch):
     """The speed of the machine, a claim, what runs, an evaluation's facts and rows: none of them is worth a failure."""
-    monkeypatch.setenv(machine.FOLDER_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(cache.FOLDER_VARIABLE, str(tmp_path))
     speed = machine.Speed(2.0, "CPU", "5.0.1", system.count_processors(), "2026-01-01T00:00+00:00")
     machine.remember_speed(speed)
     claims = Claims(tmp_path)

@@ -6,19 +6,16 @@ that ``estimate`` expects. The file is in the user's cache folder, so that the w
 
 from __future__ import annotations
 
-import os
 import platform
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ...cache import own_cache_folder
 from ...errors import IcyMoonError
-from ...files import parse_path, write_json
+from ...files import write_json
 from ...records import COUNT, POSITIVE, TABLE, TEXT, find_fault, read_record
-from ...system import cache_folder, count_processors
-
-#: Names another cache folder, for tests and for users who keep theirs elsewhere.
-FOLDER_VARIABLE = "ICYMOON_CACHE"
+from ...system import count_processors
 
 
 @dataclass(frozen=True)
@@ -39,21 +36,6 @@ class Speed:
 
 #: How that is kept.
 _SPEED = {"factor": POSITIVE, "device": TEXT, "blender": TEXT, "processors": COUNT, "measured": TEXT}
-
-_chosen = ""
-
-
-def choose_folder(path: str) -> None:
-    """Keep speeds in another folder than the user's cache; empty for that cache."""
-    global _chosen
-    _chosen = path
-
-
-def own_cache_folder() -> Path:
-    """The cache folder of Icy Moon, which may be missing: from the environment, chosen, or the user's own."""
-    if given := os.environ.get(FOLDER_VARIABLE) or _chosen:
-        return parse_path(given, FOLDER_VARIABLE).absolute()
-    return cache_folder() / "icymoon"
 
 
 def _speed_file() -> Path:

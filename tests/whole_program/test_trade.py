@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from icymoon import scene_properties
+from icymoon import cache, scene_properties
 from icymoon.operators import jobs, sidebar_text, trade
 from icymoon.render.cost import speed
 from icymoon.render.workers.job import python_command
@@ -109,7 +109,7 @@ def test_a_dialog_that_is_closed_has_nothing_to_stop():
 def test_this_machine_is_measured_by_a_button_and_shown(tmp_path, monkeypatch):
     import bpy
 
-    monkeypatch.setenv(speed.FOLDER_VARIABLE, str(tmp_path))
+    monkeypatch.setenv(cache.FOLDER_VARIABLE, str(tmp_path))
     sidebar_text.forget_speed()
     settings = description.defaults()
     assert "another machine" in sidebar_text.speed_line(settings)

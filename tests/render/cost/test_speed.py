@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import pytest
+from icymoon import cache as folders
 from icymoon import system
 from icymoon.commands import cli
 from icymoon.errors import IcyMoonError
@@ -17,7 +18,7 @@ from icymoon.settings import description
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path, monkeypatch):
-    monkeypatch.setenv(machine.FOLDER_VARIABLE, str(tmp_path / "cache"))
+    monkeypatch.setenv(folders.FOLDER_VARIABLE, str(tmp_path / "cache"))
     return tmp_path / "cache"
 
 
@@ -144,27 +145,27 @@ def test_the_list_is_printed_from_what_is_remembered(capsys):
 @pytest.fixture
 def own(monkeypatch, tmp_path):
     """The user's own cache folder, whatever the system."""
-    monkeypatch.delenv(machine.FOLDER_VARIABLE)
+    monkeypatch.delenv(folders.FOLDER_VARIABLE)
     monkeypatch.setattr(system, "PLATFORM", "linux")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "own"))
     yield tmp_path / "own" / "icymoon"
-    machine.choose_folder("")
+    folders.choose_folder("")
 
 
 def test_the_environment_goes_before_the_preferences_and_these_before_the_users_cache(own, tmp_path, monkeypatch):
-    assert machine.own_cache_folder() == own
-    machine.choose_folder(str(tmp_path / "chosen"))
-    assert machine.own_cache_folder() == tmp_path / "chosen"
-    monkeypatch.setenv(machine.FOLDER_VARIABLE, str(tmp_path / "named"))
-    assert machine.own_cache_folder() == tmp_path / "named"
-    monkeypatch.delenv(machine.FOLDER_VARIABLE)
-    machine.choose_folder("")
-    assert machine.own_cache_folder() == own
+    assert folders.own_cache_folder() == own
+    folders.choose_folder(str(tmp_path / "chosen"))
+    assert folders.own_cache_folder() == tmp_path / "chosen"
+    monkeypatch.setenv(folders.FOLDER_VARIABLE, str(tmp_path / "named"))
+    assert folders.own_cache_folder() == tmp_path / "named"
+    monkeypatch.delenv(folders.FOLDER_VARIABLE)
+    folders.choose_folder("")
+    assert folders.own_cache_folder() == own
 
 
 def test_what_is_kept_in_one_folder_is_not_known_in_another(own, tmp_path):
-    machine.choose_folder(str(tmp_path / "chosen"))
+    folders.choose_folder(str(tmp_path / "chosen"))
     machine.remember_speed(speed())
     assert machine.recall_speed("CPU") == speed()
-    machine.choose_folder("")
+    folders.choose_folder("")
     assert machine.recall_speed("CPU") is None

@@ -1,0 +1,26 @@
+"""The folder of what Icy Moon can make or measure again: speeds of this machine, marks of reports, stand-ins."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from .files import parse_path
+from .system import cache_folder
+
+#: Names another cache folder, for tests and for users who keep theirs elsewhere.
+FOLDER_VARIABLE = "ICYMOON_CACHE"
+_chosen = ""
+
+
+def choose_folder(path: str) -> None:
+    """Keep the cache in another folder than the user's cache; empty for that cache."""
+    global _chosen
+    _chosen = path
+
+
+def own_cache_folder() -> Path:
+    """The cache folder of Icy Moon, which may be missing: from the environment, chosen, or the user's own."""
+    if given := os.environ.get(FOLDER_VARIABLE) or _chosen:
+        return parse_path(given, FOLDER_VARIABLE).absolute()
+    return cache_folder() / "icymoon"
