@@ -63,7 +63,20 @@ class SourceSettings(Table):
     """Source of the ground: generated, or your own mesh or height map."""
 
     __slots__ = ()
-    kind: Literal["PROCEDURAL", "MESH", "HEIGHT_MAP"]
+    kind: Literal["PROCEDURAL", "MESH", "STAND_IN", "HEIGHT_MAP"]
+    stand_in: Literal[
+        "ATHABASCA",
+        "GLACIER_42M",
+        "BLOODFALLS",
+        "SEAICE1",
+        "MATANUSKA_A1",
+        "MATANUSKA_C1",
+        "SVALBARD1",
+        "GAEA_RIDGY",
+        "GAEA_ROCKY_PERLIN",
+        "GAEA_ROCKY",
+        "MATANUSKA_PLAYGROUND",
+    ]
     file: str
     scale: float  # m/unit
     up_axis: Literal["AUTO", "X", "Y", "Z", "-X", "-Y", "-Z"]
@@ -287,7 +300,23 @@ class TexturesSettings(Table):
     """Images on the ground and on rocks."""
 
     __slots__ = ()
-    set: Literal["NONE", "FROST", "GRAINS", "CRACKS", "OWN", "MESH"]
+    set: Literal["NONE", "FROST", "GRAINS", "CRACKS", "STAND_IN", "OWN", "MESH"]
+    stand_in: Literal[
+        "SNOW_CRYSTALS",
+        "HOAR_FROST",
+        "SNOW_DRIFT",
+        "CRUSTED_SNOW",
+        "CRACKED_ICE",
+        "POWDER_SNOW",
+        "GROUND_SNOW",
+        "LUMPY_SNOW",
+        "FIRN",
+        "GLACIER_ICE",
+        "MIXED_SNOW",
+        "SETTLED_SNOW",
+        "SUNCUPS",
+        "SASTRUGI",
+    ]
     mapping: Literal["OBJECT", "UV", "PATCH"]
     width_m: float  # m
     repeat: Literal["TURNED", "SHIFTED", "PLAIN"]

@@ -142,6 +142,8 @@ def _freeze_plan(plan: str, dataset: Path, blender: str = "") -> datasets.Frozen
     read = read_plan(find_plan(plan))
     if unchecked := read.describe_unchecked():
         print(f"icymoon: {unchecked}", file=sys.stderr)
+    for sentence in read.describe_stand_ins():
+        print(f"icymoon: {sentence}", file=sys.stderr)
     pairs = ordered(read.pairs())
     if blender and not (dataset / datasets.PLAN).exists():
         check_abilities((pair.settings for pair in pairs), blender)

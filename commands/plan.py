@@ -95,7 +95,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
     found = estimate(pairs, options.out.absolute() if options.out else None, speed)
     lack = _check_blender(pairs, options)
     unchecked = plan.describe_unchecked()
-    lines = [*lack, *found.lines(), *_refusal_lines(plan)]
+    lines = [*lack, *found.lines(), *plan.describe_stand_ins(), *_refusal_lines(plan)]
     if options.json:
         emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.to_json() | {"lines": lines})
         return

@@ -12,18 +12,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import IcyMoonError
+from ..paper_stand_ins.items import MeshItem, describe, items_of
 from ..render.pairs.pair_folder import find_pair_folders, read_pair
 from ..settings import description, preset_files, toml_text
 from ..settings.table import TOPICS, Setting, Value, all_settings
 from ..typed_settings import Settings
 
 #: What stands for a preset where none states the value.
-DEFAULT, BY_HAND = "default", "stated"
+DEFAULT, BY_HAND, STAND_IN = "default", "stated", "stand-in"
 
 
 @dataclass(frozen=True)
 class Origin:
-    """A setting's value and where it is from: ``preset`` is its name, ``DEFAULT`` or ``BY_HAND``."""
+    """A setting's value and where it is from: ``preset`` is its name, ``DEFAULT``, ``BY_HAND`` or
+    ``STAND_IN``."""
 
     name: str
     value: Value
@@ -99,10 +101,15 @@ def find_origins(settings: Settings, asked: Iterable[str] = ()) -> Iterator[Orig
         if word not in names:
             raise IcyMoonError(f"{word!r} is no topic and no setting; give for example light, or light.planet_albedo.")
     presets = _rank_presets(settings)
+    stand_ins = {"source.stand_in" if isinstance(item, MeshItem) else "textures.stand_in": item
+                 for item in items_of(settings)}
     for topic, setting in all_settings():
         if wanted and topic not in wanted and f"{topic}.{setting.key}" not in wanted:
             continue
         value = settings[topic][setting.key]
+        if item := stand_ins.get(f"{topic}.{setting.key}"):
+            yield Origin(f"{topic}.{setting.key}", value, "", STAND_IN, describe(item))
+            continue
         origin = _find_origin(topic, setting, value, defaults[topic][setting.key], presets)
         if wanted or origin.preset != DEFAULT:
             yield origin

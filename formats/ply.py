@@ -186,16 +186,22 @@ def _read_binary_table(path: Path, start: int, count: int, declared: tuple[tuple
 
 def write_triangles(path: Path, vertices: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None = None) -> None:
     """Write positions (n, 3), indices (m, 3) and normals (n, 3) of a mesh as a binary PLY file in single precision."""
-    names = ["x", "y", "z", *(["nx", "ny", "nz"] if normals is not None else [])]
-    rows = vertices if normals is None else np.concatenate([vertices, normals], axis=1)
-    faces = np.empty(len(triangles), np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
-    faces["count"], faces["corners"] = 3, triangles
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}",
-              *(f"property float {name}" for name in names), f"element face {len(faces)}",
-              "property list uchar int vertex_indices", "end_header", ""]
+    names = ("x", "y", "z", *(("nx", "ny", "nz") if normals is not None else ()))
+    data = encode_triangles(names, vertices if normals is None else np.hstack([vertices, normals]), triangles)
 
     def write(part: Path) -> None:
-        part.write_bytes("\n".join(header).encode("ascii") + np.ascontiguousarray(rows, "<f4").tobytes()
-                         + faces.tobytes())
+        part.write_bytes(data)
 
     write_atomically(path, write)
+
+
+def encode_triangles(names: tuple[str, ...], vertices: np.ndarray, triangles: np.ndarray,
+                     comments: tuple[str, ...] = ()) -> bytes:
+    """A binary PLY file of vertices (n, k), whose k properties have these names, in single precision, and of indices
+    (m, 3) of triangles."""
+    faces = np.empty(len(triangles), np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
+    faces["count"], faces["corners"] = 3, triangles
+    header = ["ply", "format binary_little_endian 1.0", *(f"comment {each}" for each in comments),
+              f"element vertex {len(vertices)}", *(f"property float {name}" for name in names),
+              f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
+    return "\n".join(header).encode("ascii") + np.ascontiguousarray(vertices, "<f4").tobytes() + faces.tobytes()

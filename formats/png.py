@@ -9,11 +9,15 @@ import numpy as np
 
 
 def encode_png(picture: np.ndarray, level: int = 1) -> bytes:
-    """The file of an RGB picture (H, W, 3), uint8; ``level`` of compression from 0 (none) to 9."""
+    """The file of an RGB picture (H, W, 3), uint8, or a grey one (H, W), uint8 or uint16.
+
+    ``level`` of compression is from 0 (none) to 9.
+    """
     height, width = picture.shape[:2]
-    rows = np.zeros((height, 1 + 3 * width), np.uint8)  # each begins with its filter, none
-    rows[:, 1:] = picture.reshape(height, -1)
-    header = struct.pack(">2I5B", width, height, 8, 2, 0, 0, 0)  # 8 bits, RGB
+    values = picture.astype(f">u{picture.itemsize}").reshape(height, -1).view(np.uint8)
+    rows = np.zeros((height, 1 + values.shape[1]), np.uint8)  # each begins with its filter, none
+    rows[:, 1:] = values
+    header = struct.pack(">2I5B", width, height, 8 * picture.itemsize, 2 if picture.ndim == 3 else 0, 0, 0, 0)
     return b"\x89PNG\r\n\x1a\n" + b"".join(
         _chunk(name, data) for name, data in ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), level)),
                                               (b"IEND", b"")))

@@ -65,7 +65,7 @@ from .ground.terrain_mesh import (
     site_wavelength_m,
     vertex_spacing_m,
 )
-from .ground.user_ground import UserGround, is_from_file, load_ground
+from .ground.user_ground import UserGround, is_from_file, is_mesh, load_ground
 from .keep_references import is_owned_elsewhere, owned_blocks, replace_block, set_owned_blocks, update_object
 from .light.scene_lights import ROLES, build_lights, described_sky
 from .light.scene_lights import advice as light_advice
@@ -383,7 +383,7 @@ def build(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | Non
     try:
         objects, sky, warnings, own, site_m = _build_objects(settings, meshed)
     except MemoryError:
-        if settings.source.kind == "MESH":
+        if is_mesh(settings):
             raise IcyMoonError("There is not enough memory for the mesh; make it coarser before the import.") from None
         if settings.mesh.kind == "GRADED" and not is_from_file(settings):
             raise IcyMoonError("There is not enough memory for the mesh; lower mesh.most.") from None

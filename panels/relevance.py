@@ -48,9 +48,10 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
         return bool(root.source.kind == "PROCEDURAL" and root.mesh.kind == "GRADED"
                     and (topic == "hills" or group.law != "TABLE"))
     if topic == "source" and key != "kind":
-        only = {"scale": "MESH", "up_axis": "MESH", "repair": "MESH", "metres_per_pixel": "HEIGHT_MAP",
-                "height_scale_m": "HEIGHT_MAP"}
-        return bool(group.kind == only[key] if key in only else group.kind != "PROCEDURAL")
+        meshes = ("MESH", "STAND_IN")
+        only = {"scale": meshes, "up_axis": meshes, "repair": meshes, "metres_per_pixel": ("HEIGHT_MAP",),
+                "height_scale_m": ("HEIGHT_MAP",), "stand_in": ("STAND_IN",), "file": ("MESH", "HEIGHT_MAP")}
+        return bool(group.kind in only[key] if key in only else group.kind != "PROCEDURAL")
     if topic in ("surface", "rock_surface"):
         models = {"snow_grain_m": group.ice_colour == "SNOW",
                   **dict.fromkeys(("salt_red", "salt_green", "salt_blue"), group.salt == "OWN"),
@@ -59,6 +60,8 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
     if topic == "sensor":
         return key not in (_MOSAIC_ONLY if group.colour == "MONO" else _MONOCHROME_ONLY)
     if topic == "textures" and key != "set":
+        if key == "stand_in":
+            return bool(group.set == "STAND_IN")
         return bool(group.set == "OWN" if key.endswith("_file") else group.set != "NONE")
     if topic == "light":
         return _is_light_shown(key, group)

@@ -12,6 +12,7 @@ from .. import scene_properties
 from ..nodes import scene as scenes
 from ..operators import live_exposure, sidebar_text
 from ..operators.sidebar_text import remember
+from ..paper_stand_ins.items import MeshItem, TextureItem, describe, items_of
 from ..physics.surfaces import albedos, principled
 from ..settings.preset_files import load, preset_header, preset_names, preset_path
 from ..settings.table import TOPICS
@@ -108,6 +109,14 @@ def _draw_hapke(layout: Any, context: bpy.types.Context) -> None:
     _draw_albedos(layout, values.surface | {"model": "HAPKE"}, values.hapke)
 
 
+def _make_stand_in_note(kind: type) -> Extra:
+    def draw(layout: Any, context: bpy.types.Context) -> None:
+        for item in items_of(scene_properties.read_for_display(context.scene.icymoon)):
+            if isinstance(item, kind):
+                draw_sentence(layout, describe(item), "INFO")
+    return draw
+
+
 def _draw_albedos(layout: Any, surface: SurfaceSettings, hapke: HapkeSettings) -> None:
     """Draw the albedos that follow from the settings of a surface."""
     found = _albedos(surface, hapke)
@@ -119,6 +128,7 @@ def _draw_albedos(layout: Any, surface: SurfaceSettings, hapke: HapkeSettings) -
 #: Functions that draw above and below the settings, by topic.
 BEFORE: dict[str, Extra] = {"source": _draw_import, "terrain": _draw_seed, "light": _draw_moons,
                             "sensor": _draw_expose, "quality": _draw_qualities}
-AFTER: dict[str, Extra] = {"terrain": _draw_roughness, "surface": _make_surface_extra("surface"),
+AFTER: dict[str, Extra] = {"terrain": _draw_roughness, "source": _make_stand_in_note(MeshItem),
+                           "textures": _make_stand_in_note(TextureItem), "surface": _make_surface_extra("surface"),
                            "rock_surface": _make_surface_extra("rock_surface"), "hapke": _draw_hapke,
                            "rig": _draw_camera_notes}

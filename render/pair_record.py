@@ -13,6 +13,7 @@ from .. import compat
 from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import describe_hapke
+from ..paper_stand_ins.items import describe, items_of
 from ..physics import refused_scenes
 from ..physics.camera.blur import blur_of
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
@@ -62,6 +63,7 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
         "format": FORMAT, "version": VERSION, "id": planned.id, "settings": settings,
         "edited_by_hand": built.edited, "ground": built.ground, "terrain": built.statistics,
         "own_files_sha256": built.content,
+        "stand_ins": [describe(item) for item in items_of(settings)],
         "camera": camera.to_json(), "eyes": eyes,
         "poses_camera_to_world": {eye: _eye_pose(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},

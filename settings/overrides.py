@@ -13,7 +13,20 @@ from typing import Literal, TypedDict
 class SourceOverrides(TypedDict, total=False):
     """Changes of ``source``."""
 
-    kind: Literal["PROCEDURAL", "MESH", "HEIGHT_MAP"]
+    kind: Literal["PROCEDURAL", "MESH", "STAND_IN", "HEIGHT_MAP"]
+    stand_in: Literal[
+        "ATHABASCA",
+        "GLACIER_42M",
+        "BLOODFALLS",
+        "SEAICE1",
+        "MATANUSKA_A1",
+        "MATANUSKA_C1",
+        "SVALBARD1",
+        "GAEA_RIDGY",
+        "GAEA_ROCKY_PERLIN",
+        "GAEA_ROCKY",
+        "MATANUSKA_PLAYGROUND",
+    ]
     file: str
     scale: float  # m/unit
     up_axis: Literal["AUTO", "X", "Y", "Z", "-X", "-Y", "-Z"]
@@ -223,7 +236,23 @@ class HapkeOverrides(TypedDict, total=False):
 class TexturesOverrides(TypedDict, total=False):
     """Changes of ``textures``."""
 
-    set: Literal["NONE", "FROST", "GRAINS", "CRACKS", "OWN", "MESH"]
+    set: Literal["NONE", "FROST", "GRAINS", "CRACKS", "STAND_IN", "OWN", "MESH"]
+    stand_in: Literal[
+        "SNOW_CRYSTALS",
+        "HOAR_FROST",
+        "SNOW_DRIFT",
+        "CRUSTED_SNOW",
+        "CRACKED_ICE",
+        "POWDER_SNOW",
+        "GROUND_SNOW",
+        "LUMPY_SNOW",
+        "FIRN",
+        "GLACIER_ICE",
+        "MIXED_SNOW",
+        "SETTLED_SNOW",
+        "SUNCUPS",
+        "SASTRUGI",
+    ]
     mapping: Literal["OBJECT", "UV", "PATCH"]
     width_m: float  # m
     repeat: Literal["TURNED", "SHIFTED", "PLAIN"]

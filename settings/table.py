@@ -10,10 +10,12 @@ Units are part of the names (``_m``, ``_deg``, ``_px`` …). The sidebar and the
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from ..paper_stand_ins import items as stand_ins
 from . import trust_boundary
 
 Value = bool | int | float | str | list[dict[str, Any]]
@@ -100,6 +102,12 @@ def _signed(key: str, label: str, description: str, effect: str) -> Setting:
 def _file(key: str, label: str, description: str) -> Setting:
     return Setting(key, label, "", f"{description}. // is the folder of the .blend file", "material",
                    subtype="FILE_PATH", trust="read")
+
+
+def _stand_in(description: str, effect: str, items: Sequence[stand_ins.TextureItem | stand_ins.MeshItem]) -> Setting:
+    return Setting("stand_in", "Stand-In", items[0].key, description, effect,
+                   choices=tuple((item.key, item.title, f"In place of {item.paper} of the GUISS paper: {item.known}")
+                                 for item in items))
 
 
 #: Parent panel of the topics that describe one landform each.
@@ -318,7 +326,9 @@ SOURCE = Topic("source", "Ground from a File", "Source of the ground: generated,
     Setting("kind", "Source", "PROCEDURAL", "What the ground is made from", "geometry",
             choices=(("PROCEDURAL", "Procedural", "A random surface with the statistics under Ground"),
                      ("MESH", "Mesh File", "A reconstructed mesh: OBJ, PLY, STL, glTF, USD or FBX"),
+                     ("STAND_IN", "Stand-In Mesh", "A mesh made by code in place of one of the GUISS paper's"),
                      ("HEIGHT_MAP", "Height Map", "A digital elevation model: GeoTIFF, NPY, EXR or grey PNG"))),
+    _stand_in("The mesh made by code that is the ground", "geometry", stand_ins.MESHES),
     Setting("file", "File", "", "Mesh or height map that is the ground. ~ is your home folder, // the folder of the "
             ".blend file. Ids of pairs depend on the content of the file, not on its path", "geometry",
             subtype="FILE_PATH", trust="read"),
@@ -478,9 +488,12 @@ TEXTURES = Topic("textures", "Textures", "Images on the ground and on rocks", (
                      ("FROST", "Frost", "Generated: crystals of hoar with bright tips"),
                      ("GRAINS", "Grains", "Generated: rounded grains with dark gaps"),
                      ("CRACKS", "Cracks", "Generated: plates of crust with dark cracks between them"),
+                     ("STAND_IN", "Stand-In", "Made by code in place of a texture of the GUISS paper, with the images "
+                      "that the paper's has"),
                      ("OWN", "Own Images", "The files below. Empty ones are not used"),
                      ("MESH", "From Mesh", "Albedo, roughness and normals from the OBJ, glTF or PLY file of the ground,"
                       " mapped by its UV coordinates"))),
+    _stand_in("The texture made by code", "material", stand_ins.TEXTURES),
     Setting("mapping", "Mapping", "OBJECT", "How the images are mapped. Images from the mesh always use its UV "
             "coordinates", "material",
             choices=(("OBJECT", "By Position", "Projected from above, and from the side on steep slopes"),

@@ -12,6 +12,7 @@ from pathlib import Path
 from ..errors import IcyMoonError
 from ..files import absolute_path, sha256
 from ..formats import mesh_file, mesh_images
+from ..paper_stand_ins.items import RECIPE, items_of
 from ..typed_settings import Settings
 from .table import TOPICS
 
@@ -23,7 +24,7 @@ def used_files(settings: Settings, blend_folder: str | None = None) -> dict[str,
     is empty, or begins with // without a folder.
     """
     named = {}
-    if settings.source.kind != "PROCEDURAL":
+    if settings.source.kind in ("MESH", "HEIGHT_MAP"):
         named["source.file"] = str(settings.source.file)
     if settings.textures.set == "OWN":
         named |= {f"textures.{s.key}": str(settings.textures[s.key]) for s in TOPICS["textures"].settings
@@ -36,7 +37,7 @@ def used_files(settings: Settings, blend_folder: str | None = None) -> dict[str,
 
 
 def content(settings: Settings, blend_folder: str | None = None) -> str:
-    """A hash of the content of the files in use; empty if there are none.
+    """A hash of the content of the files in use and of the recipes of stand-ins; empty if there are none.
 
     Raises IcyMoonError if a file cannot be read.
     """
@@ -47,6 +48,8 @@ def content(settings: Settings, blend_folder: str | None = None) -> str:
             marks.append(name + "".join(_sha256(*state) for state in states))
         except OSError as error:
             raise IcyMoonError(f"{error.filename or path}: cannot be read ({error.strerror}); check {name}.") from None
+    # Stand-ins are made where they are needed. What they are made by counts, not how this machine has rounded them.
+    marks += [f"{item.key} {RECIPE}" for item in items_of(settings)]
     return hashlib.sha256("".join(marks).encode()).hexdigest() if marks else ""
 
 

@@ -22,11 +22,12 @@ IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 #: The rooms from the ground up. A module imports from its own room and from those below it, wherever in the file the
 #: import stands. A room is a folder; a module at the root is a room by itself. All that is above has a place here.
 PURE = (
-    "errors", "suggestions", "labels", "system", "files", "records", "scratch", "version", "terminal", "typed_settings",
+    "errors", "suggestions", "labels", "system", "files", "cache", "records", "scratch", "version", "terminal",
+    "typed_settings",
     "physics/random_numbers", "physics/rocks", "physics/terrain/noise", "physics/terrain/roughness",
     "physics/terrain/landforms", "physics/terrain", "physics/mesh",
     "physics/surfaces", "physics/light", "physics/camera", "physics",
-    "formats", "settings",
+    "formats", "paper_stand_ins", "settings",
     "render/pairs", "render/plans", "render/workers", "render/cost",
     "stereo/environment", "stereo/images", "stereo/measure", "stereo/networks",
     "stereo/adapters", "stereo/matchers",

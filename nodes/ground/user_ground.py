@@ -14,6 +14,7 @@ import numpy as np
 from ... import compat
 from ...errors import IcyMoonError
 from ...formats import mesh_file, mesh_images
+from ...paper_stand_ins.cached_files import find_mesh_file
 from ...physics.mesh import check, height_map, subdivide, texture_coordinates
 from ...physics.mesh.height_map import HeightMap
 from ...physics.mesh.height_surface import Surface
@@ -80,8 +81,18 @@ def kind_of(path: Path) -> str:
     return "MESH" if suffix in mesh_file.FORMATS else "HEIGHT_MAP"
 
 
+def is_mesh(settings: Settings) -> bool:
+    """Whether the ground is a mesh from a file: the user's own or a stand-in."""
+    return bool(settings.source.kind in ("MESH", "STAND_IN"))
+
+
 def file_of(settings: Settings) -> Path:
-    """The absolute path of the ground's file. Raises IcyMoonError if the settings name none."""
+    """The absolute path of the ground's file; a stand-in is made if it is not there.
+
+    Raises IcyMoonError if the settings name none, or a stand-in cannot be written.
+    """
+    if settings.source.kind == "STAND_IN":
+        return find_mesh_file(settings.source.stand_in)
     return used_files(settings)["source.file"]
 
 
@@ -102,7 +113,7 @@ def load_ground(settings: Settings, make_procedural: Callable[[Settings], Surfac
     """
     path = file_of(settings)
     try:
-        if settings.source.kind == "MESH":
+        if is_mesh(settings):
             return _load_mesh(path, settings)
         return _load_height_map(path, settings, make_procedural)
     except MemoryError:

@@ -10,6 +10,8 @@ from ...errors import IcyMoonError
 from ...formats import mesh_images
 from ...formats.mesh_images import MeshImage
 from ...labels import ROCK, TERRAIN, UV_LAYER
+from ...paper_stand_ins.cached_files import find_texture_files
+from ...paper_stand_ins.items import describe, items_of, texture_item
 from ...physics.scene_requirements import rendered_surface, surface_topics
 from ...physics.surfaces import principled
 from ...physics.surfaces.textures import uses_uv
@@ -18,6 +20,7 @@ from ..datablocks.blend_file_paths import used_files
 from ..datablocks.fingerprint import NAME, TAG
 from ..ground.rocks import label_instances
 from ..ground.terrain_mesh import SPACING
+from ..ground.user_ground import file_of, is_mesh
 from .ice_material import build_material
 from .images import load_maps, measure_means
 from .textures import Textured
@@ -34,20 +37,21 @@ def advice(settings: Settings) -> list[str]:
                  if surface.model == "PRINCIPLED" and surface.bubble_share == 0.0]
     textures = settings.textures
     if (settings.hapke.theta_bar_range_deg != 0.0 and any(surface.model == "HAPKE" for surface in shown) and (
-            textures.set == "NONE" or (textures.set == "OWN" and not textures.roughness_file))):
+            textures.set == "NONE" or (textures.set == "OWN" and not textures.roughness_file)
+            or (textures.set == "STAND_IN" and "roughness" not in texture_item(textures.stand_in).kinds))):
         sentences.append("hapke.theta_bar_range_deg has no effect, because the textures have no roughness image.")
-    return [sentence for sentence in sentences if sentence]
+    return [*(sentence for sentence in sentences if sentence), *map(describe, items_of(settings))]
 
 
 def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
     """Raise IcyMoonError if images are mapped by UV coordinates, but the ground has none."""
     textures, kind = settings.textures, settings.source.kind
-    if not uses_uv(textures) or (has_uv and kind == "MESH"):
+    if not uses_uv(textures) or (has_uv and is_mesh(settings)):
         return
     which, fix = (("textures.set is MESH", "choose another textures.set") if textures.set == "MESH" else
                    ("textures.mapping is UV", "set textures.mapping to OBJECT"))
-    if kind == "MESH":
-        raise IcyMoonError(f"{used_files(settings)['source.file']}: has no UV coordinates that show an image, but "
+    if is_mesh(settings):
+        raise IcyMoonError(f"{file_of(settings)}: has no UV coordinates that show an image, but "
                            f"{which}; export it with them, or {fix}.")
     ground = "a height map" if kind == "HEIGHT_MAP" else "procedural ground"
     raise IcyMoonError(f"{which}, but {ground} has no UV coordinates; {fix}, or choose a mesh that has them "
@@ -57,10 +61,12 @@ def refuse_without_uv(settings: Settings, has_uv: bool) -> None:
 def _image_files(settings: Settings) -> dict[str, Path | MeshImage]:
     """The images that the settings or the mesh name, by kind. Raises IcyMoonError if the mesh has none."""
     used = used_files(settings)
+    if settings.textures.set == "STAND_IN":
+        return dict(find_texture_files(settings.textures.stand_in))
     if settings.textures.set != "MESH":
         return {name.removeprefix("textures.").removesuffix("_file"): path
                 for name, path in used.items() if name.startswith("textures.")}
-    path = used["source.file"]
+    path = file_of(settings)
     found = mesh_images.choose_images(path)
     if not found:
         reason = (f"Icy Moon finds images only in {', '.join(mesh_images.KINDS)} files"

@@ -48,10 +48,11 @@ def load_maps(textures: TexturesSettings, files: Mapping[str, Path | MeshImage])
         if not files:
             raise IcyMoonError("textures.set is OWN, but no image is named; name one, such as textures.albedo_file, or "
                                "set textures.set to MESH for the images of the mesh.")
-    elif textures.set != "MESH":
+    elif textures.set not in ("MESH", "STAND_IN"):
         return {kind: _make_map(textures.set, kind) for kind in ("albedo", "roughness", "height")}
     return {kind: _load_map(kind, file if isinstance(file, MeshImage) else MeshImage(file),
-                            f"textures.{kind}_file" if textures.set == "OWN" else f"the {kind} image of the mesh")
+                            f"textures.{kind}_file" if textures.set == "OWN" else f"the {kind} image of the "
+                            f"{'mesh' if textures.set == 'MESH' else 'stand-in'}")
             for kind, file in files.items()}
 
 

@@ -16,6 +16,7 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...formats import mesh_file
+from ...paper_stand_ins.items import mesh_item
 from ...physics.mesh.grading import grade
 from ...physics.scene_requirements import only_camera_meets_relief, rendered_surface, surface_topics
 from ...physics.terrain.terrain import make_terrain
@@ -165,6 +166,8 @@ def count_triangles(settings: Settings) -> float:
 
     Raises IcyMoonError if a file of one's own cannot be read.
     """
+    if settings.source.kind == "STAND_IN":
+        return float(mesh_item(settings.source.stand_in).triangles)
     if settings.source.kind == "MESH":
         return float(mesh_file.estimate_cost(used_files(settings)["source.file"]).triangles)
     if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":

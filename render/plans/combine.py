@@ -23,6 +23,7 @@ from ...settings.table import TOPICS, all_settings
 from ...settings.user_files import content, used_files
 from ...typed_settings import Settings
 from . import poses, sweeps
+from .own_files import list_files, replace_stand_ins
 from .planned_pair import PlannedPair, turned_heading_deg
 from .sweeps import Sweep, Variation, check_pair_count
 
@@ -146,11 +147,22 @@ def _combinations(design: Design) -> Iterator[_Combination]:
         factors.insert(0, [Variation({"dataset": {"seed": seed}}, place) for seed in drawn])
     if place is not None:
         check_pair_count(math.prod(map(len, factors)), place)
+    there = list_files(design.files) if design.files else {}
     for chosen in itertools.product(*factors):
         made = base
         for part in chosen:
             made = made.with_part(part)
-        yield made
+        yield _with_own_files(made, there) if there else made
+
+
+def _with_own_files(made: _Combination, there: dict[str, list[Path]]) -> _Combination:
+    """A combination with the user's own files in place of the stand-ins that have their names."""
+    place = made.place_of("textures.stand_in", "source.stand_in")
+    try:
+        own = replace_stand_ins(made.settings, there)
+    except IcyMoonError as error:
+        raise _at_place(error, place) from None
+    return made.with_part(Variation(own, place)) if own and place is not None else made
 
 
 def _deal_grounds(made: list[_Combination], design: Design) -> list[_Combination]:

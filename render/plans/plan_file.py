@@ -23,6 +23,7 @@ from ...settings.toml_text import read_toml, toml_and_text
 from ...suggestions import nearest
 from . import poses, sweeps
 from .combine import MOST_GROUNDS, Combined, Design, combine, unchecked_grounds
+from .own_files import describe_stand_ins
 from .planned_pair import PlannedPair
 from .sweeps import Sweep, Variation, check_keys, check_settings, load_included
 
@@ -73,6 +74,10 @@ class Plan:
             return ""
         return (f"{MOST_GROUNDS} grounds were checked, {unseen} were not. A camera that cannot stand on one of those "
                 "is found when its pair is rendered, and the pair is set aside.")
+
+    def describe_stand_ins(self) -> list[str]:
+        """Sentences on what the pairs show in place of files of the GUISS paper; empty if they show nothing such."""
+        return describe_stand_ins(self._combined.pairs, [each.files for each in self.designs if each.files])
 
 
 def find_plan(name: str) -> Path:

@@ -16,7 +16,7 @@ def describe_shortage(settings: Settings) -> str:
     rig, mesh, terrain, source = (settings[topic] for topic in ("rig", "mesh", "terrain", "source"))
     needs = [(_PIXEL * rig["width_px"] * rig["height_px"],
               f"images of {rig['width_px']} x {rig['height_px']} pixels; lower rig.width_px and rig.height_px")]
-    if source["kind"] != "PROCEDURAL":
+    if source["kind"] in ("MESH", "HEIGHT_MAP"):
         path = Path(str(source["file"]))
         needs.append((_FILE_BYTE * (path.stat().st_size if path.is_file() else 0),
                       f"the ground in {path}; cut out the part that you need, or make it coarser"))

@@ -112,8 +112,11 @@ CASES = [
     ("hills", {}, "only", {"rms_slope_deg"}), ("hills", {"hills": {"rms_slope_deg": 1.0}}, "but", set()),
     ("hills", {"hills": {"rms_slope_deg": 1.0}, "mesh": {"kind": "GRID"}}, "only", set()),
     ("source", {}, "only", {"kind"}),
-    ("source", {"source": {"kind": "MESH"}}, "but", {"metres_per_pixel", "height_scale_m"}),
-    ("source", {"source": {"kind": "HEIGHT_MAP"}}, "but", {"scale", "up_axis", "repair"}),
+    ("source", {"source": {"kind": "STAND_IN"}}, "but", {"metres_per_pixel", "height_scale_m", "file"}),
+    ("textures", {"textures": {"set": "STAND_IN"}}, "but", {
+        "albedo_file", "roughness_file", "normal_file", "transmission_file", "height_file"}),
+    ("source", {"source": {"kind": "MESH"}}, "but", {"metres_per_pixel", "height_scale_m", "stand_in"}),
+    ("source", {"source": {"kind": "HEIGHT_MAP"}}, "but", {"scale", "up_axis", "repair", "stand_in"}),
     ("surface", {}, "but", {"lommel_seeliger_share", *IDLE}),
     ("surface", {"surface": {"subsurface_weight": 0.1, "salt_share": 0.1, "albedo_variation": 0.1,
                              "glint_share": 0.01, "transmission": 0.1, "frost_share": 0.1, "crust_share": 0.1}}, "but",
@@ -148,9 +151,9 @@ CASES = [
     ("textures", {}, "only", {"set"}),
     ("textures", {"textures": {"set": "FROST"}}, "only", {"set", "mapping", "width_m", "repeat", "height_m"}),
     ("textures", {"textures": {"set": "FROST", "mapping": "UV"}}, "only", {"set", "mapping", "height_m"}),
-    ("textures", {"textures": {"set": "OWN"}}, "but", set()),
-    ("textures", {"textures": {"set": "OWN", "mapping": "UV"}}, "but", {"width_m", "repeat"}),
-    ("textures", {"textures": {"set": "OWN", "mapping": "PATCH"}}, "but", {"width_m", "repeat"}),
+    ("textures", {"textures": {"set": "OWN"}}, "but", {"stand_in"}),
+    ("textures", {"textures": {"set": "OWN", "mapping": "UV"}}, "but", {"width_m", "repeat", "stand_in"}),
+    ("textures", {"textures": {"set": "OWN", "mapping": "PATCH"}}, "but", {"width_m", "repeat", "stand_in"}),
     ("textures", {"textures": {"set": "MESH"}}, "only", {"set"}),
 ]
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import json
-import re
 from collections import Counter
 
 import pytest
 from icymoon.errors import IcyMoonError
+from icymoon.paper_stand_ins.items import MESHES, TEXTURES, items_of
 from icymoon.render.plans.plan_file import Plan, find_plan, read_plan, read_plan_header
 from icymoon.settings.preset_files import plan_names, preset_names
 from icymoon.settings.table import TOPICS
@@ -18,13 +18,13 @@ from marks import heavy_but
 #: 2024: 3060 of reconstructions and 1960 synthetic pairs).
 TYPES = {
     "reconstructions": (3060, {"surface.specular": 3, "surface.transmission": 3, "rig.heading_deg": 4}),
-    "textures": (168, {"terrain.rms_slope_deg": 3, "textures.albedo_file": 14, "rig.heading_deg": 4}),
-    "landforms": (336, {"terrain.rms_slope_deg": 3, "textures.albedo_file": 14, "light.sun_irradiance_wm2": 2,
+    "textures": (168, {"terrain.rms_slope_deg": 3, "textures.stand_in": 14, "rig.heading_deg": 4}),
+    "landforms": (336, {"terrain.rms_slope_deg": 3, "textures.stand_in": 14, "light.sun_irradiance_wm2": 2,
                         "rig.heading_deg": 4}),
     "generative": (720, {"surface.albedo_variation": 4, "surface.specular": 3, "surface.albedo": 5,
                          "light.sun_irradiance_wm2": 3, "rig.heading_deg": 4}),
-    "terrains": (128, {"textures.albedo_file": 4, "rig.heading_deg": 4}),
-    "rocks": (320, {"textures.albedo_file": 4, "rocks.coverage": 2, "rocks.largest_m": 2, "rig.heading_deg": 4}),
+    "terrains": (128, {"textures.stand_in": 4, "rig.heading_deg": 4}),
+    "rocks": (320, {"textures.stand_in": 4, "rocks.coverage": 2, "rocks.largest_m": 2, "rig.heading_deg": 4}),
     "snow": (288, {"surface.grain_size_m": 3, "surface.grain_amplitude_m": 3, "surface.subsurface_weight": 2,
                    "surface.transmission": 2, "surface.albedo": 2, "rig.heading_deg": 4}),
 }
@@ -32,16 +32,13 @@ TYPES = {
 
 @pytest.fixture(scope="module")
 def mine(tmp_path_factory):
-    """Reads a shipped plan as a user does who has the files that it names, by default on one ground of each kind:
-    how many grounds there are changes no number of pairs, and each takes time to check."""
-    folder = tmp_path_factory.mktemp("files")
-    for name in plan_names():
-        for file in set(re.findall(r'"([^"/]+\.(?:png|ply))"', find_plan(name).read_text(encoding="utf-8"))):
-            (folder / file).write_bytes(file.encode())  # each its own content
+    """Reads a shipped plan, by default on one ground of each kind: how many grounds there are changes no number of
+    pairs, and each takes time to check."""
+    folder = tmp_path_factory.mktemp("plans")
 
     def read(name: str, header: str = "grounds = 1") -> Plan:
         own = folder / "plan.toml"
-        own.write_text(f'[plan]\ntitle = "Mine"\nextends = "datasets/{name}"\nfiles = "{folder}"\n{header}\n')
+        own.write_text(f'[plan]\ntitle = "Mine"\nextends = "datasets/{name}"\n{header}\n')
         return read_plan(own)
     return read
 
@@ -70,9 +67,13 @@ def test_each_type_has_the_papers_factors_and_number_of_pairs(mine, name, form):
         assert len({(p.settings["light"]["sun_elevation_deg"], p.settings["light"]["sun_azimuth_deg"])
                     for p in pairs}) == 5
     if name == "reconstructions":
-        assert len({p.settings["source"]["file"] for p in pairs}) == 7
-        assert len({(p.settings["source"]["file"], p.settings["rig"]["x_m"], p.settings["rig"]["y_m"])
-                    for p in pairs}) == 17
+        sites = Counter((p.settings["source"]["stand_in"], p.settings["rig"]["x_m"], p.settings["rig"]["y_m"])
+                        for p in pairs)
+        assert set(sites) == {(item.key, *site) for item in MESHES[:7] for site in item.sites}
+        assert Counter(key for key, _, _ in sites) == {
+            "ATHABASCA": 1, "GLACIER_42M": 4, "BLOODFALLS": 1, "SEAICE1": 6, "MATANUSKA_A1": 1, "MATANUSKA_C1": 2,
+            "SVALBARD1": 2}
+        assert set(sites.values()) == {180}
 
 
 def test_the_suns_are_the_papers_or_the_true_ones(mine):
@@ -91,7 +92,10 @@ def test_the_suns_are_the_papers_or_the_true_ones(mine):
 
 @pytest.mark.parametrize("name", ["guiss_all_true_sun", pytest.param("guiss_all", marks=pytest.mark.long)])
 def test_all_types_together_are_the_papers_5020(mine, name):
-    assert len(mine(name).pairs()) == 5020 == sum(count for count, _ in TYPES.values())
+    pairs = mine(name).pairs()
+    assert len(pairs) == 5020 == sum(count for count, _ in TYPES.values())
+    # The sets that the public code gives textures and meshes, of 1960 and 3060 pairs.
+    assert sum(bool(items_of(pair.settings)) for pair in pairs) == 4012 == 3060 + 168 + 336 + 128 + 320
 
 
 def grounds_of(pairs):
@@ -119,11 +123,26 @@ def test_meshes_and_albedos_are_compared_on_one_ground(mine):
         assert values(mine(name, "").pairs(), "dataset.seed").keys() == {1}
 
 
-def test_the_smoke_test_needs_no_files_and_has_every_type():
+def test_the_smoke_test_has_every_type():
     pairs = read_plan(find_plan("guiss_smoke")).pairs()
     assert len(pairs) == 14
-    assert not any(value for p in pairs for key, value in p.settings.textures.items() if key.endswith("_file"))
-    assert values(pairs, "source.kind") == {"PROCEDURAL": 14}
+    assert values(pairs, "source.kind") == {"PROCEDURAL": 12, "STAND_IN": 2}
+
+
+def test_a_plan_shows_every_stand_in_once():
+    plan = read_plan(find_plan("guiss_stand_ins"))
+    shown = [item for pair in plan.pairs() for item in items_of(pair.settings)]
+    assert shown == [*TEXTURES, *MESHES]
+    assert not plan.refused()
+
+
+@pytest.mark.parametrize(("name", "numbers"), [("textures", range(1, 15)), ("terrains", (4, 6, 7, 11)),
+                                               ("rocks", (4, 6, 9, 14))])
+def test_textures_are_those_of_the_public_code_as_wide_as_stated(mine, name, numbers):
+    pairs = mine(f"guiss_{name}", "grounds = 1\nat_most = 5000").pairs()
+    assert {(p.settings.textures.stand_in, p.settings.textures.width_m) for p in pairs} == {
+        (item.key, item.width_m) for item in TEXTURES if item.number in numbers}
+    assert values(pairs, "textures.set") == {"STAND_IN": len(pairs)}
 
 
 def test_the_plan_of_albedos_fixes_the_exposure():
@@ -131,12 +150,6 @@ def test_the_plan_of_albedos_fixes_the_exposure():
     assert values(pairs, "surface.albedo") == dict.fromkeys((0.2, 0.4, 0.6, 0.8, 1.0), 4)
     assert values(pairs, "sensor.auto_exposure") == {False: 20}
     assert values(pairs, "sensor.exposure_s") == {0.0007: 20}
-
-
-def test_a_plan_that_needs_files_says_which_and_what_to_do():
-    for name in ("guiss_textures", "guiss_reconstructions"):
-        with pytest.raises(IcyMoonError, match=r"guiss_\w+\.toml, line \d+: .*is missing; .*plan\.files"):
-            read_plan(find_plan(name)).pairs()
 
 
 def test_every_number_of_a_plan_has_a_source_and_every_plan_a_title():

@@ -1,0 +1,51 @@
+"""The verb ``stand-ins``: what is made by code in place of the files of the GUISS paper, as a list or as files."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from ..errors import IcyMoonError
+from ..paper_stand_ins.cached_files import make_files, relief_m
+from ..paper_stand_ins.items import MESH_PIXELS, MESHES, PIXELS, TEXTURES, MeshItem, TextureItem
+from ..suggestions import nearest
+from ..terminal import as_path
+
+
+def add_verbs(verbs: Any) -> None:
+    """Add the verb to the command line's parser."""
+    parser = verbs.add_parser("stand-ins", help="list the textures and meshes made by code in place of the GUISS "
+                              "paper's, or write them to a folder")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="stand-ins such as powder_snow (all)")
+    parser.add_argument("--out", type=as_path, metavar="FOLDER", help="write their files here, each into a folder")
+    parser.set_defaults(run=_run)
+
+
+def _find_items(names: list[str]) -> list[TextureItem | MeshItem]:
+    known = {item.stem: item for item in (*TEXTURES, *MESHES)}
+    for name in names:
+        if name.lower() not in known:
+            raise IcyMoonError(f"There is no stand-in {name!r}, {nearest(name.lower(), known)}")
+    return [known[name.lower()] for name in names] or list(known.values())
+
+
+def _run(options: argparse.Namespace) -> int:
+    for item in _find_items(options.names):
+        if options.out is None:
+            print(_describe(item))
+            continue
+        folder = make_files(item, options.out.absolute() / item.stem)
+        height = f", height image of {relief_m(folder):.4g} m" if isinstance(item, TextureItem) else ""
+        print(f"{folder}: {_describe_size(item)}{height}")
+    return 0
+
+
+def _describe_size(item: TextureItem | MeshItem) -> str:
+    if isinstance(item, TextureItem):
+        return f"{item.width_m:g} m wide, {PIXELS} pixels"
+    return (f"{item.size_m:g} m wide, about {item.triangles} triangles, {item.holes} holes, image of {MESH_PIXELS} "
+            "pixels")
+
+
+def _describe(item: TextureItem | MeshItem) -> str:
+    return f"{item.stem:22} {item.title}, {_describe_size(item)}; in place of {item.paper}: {item.known}"

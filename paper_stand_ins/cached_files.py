@@ -1,0 +1,142 @@
+"""Stand-ins as files: made once, in the cache folder of Icy Moon, and checked at every use.
+
+Each stand-in has a folder. ``made.json`` is written last, with the checksum of every file: only with it is a folder
+whole. A file that was changed, cut off or removed since is made again.
+"""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from ..cache import FOLDER_VARIABLE, own_cache_folder
+from ..errors import DiskError, IcyMoonError
+from ..files import PART, explain_disk_errors, sha256, write_atomically, write_json
+from ..formats.ply import encode_triangles
+from ..formats.png import encode_png
+from ..records import COUNT, FILE_NAME, NUMBER, SHA256, Each, read_record
+from ..system import remove
+from .items import RECIPE, MeshItem, TextureItem, mesh_item, texture_item
+from .reconstructions import reconstruct
+from .texture_maps import make_maps
+
+_RECORD = "made.json"
+#: What the record of a folder states: the relief of a texture's height image in metres, 0 for a mesh.
+_SHAPE = {"recipe": COUNT, "height_m": NUMBER, "sha256": Each(SHA256, FILE_NAME)}
+_OLD_S = 3600.0  # after which a part is a leftover of a process that was killed
+
+
+def folder_of(item: TextureItem | MeshItem) -> Path:
+    """Where the files of a stand-in are, or will be."""
+    return own_cache_folder() / "stand_ins" / str(RECIPE) / item.stem
+
+
+def find_texture_files(key: str) -> dict[str, Path]:
+    """The images of a stand-in texture that the paper's has, by kind; made if they are not there.
+
+    Raises IcyMoonError if the cache folder cannot be written to.
+    """
+    item = texture_item(key)
+    folder = make_files(item)
+    return {kind: folder / f"{item.stem}_{kind}.png" for kind in item.kinds}
+
+
+def find_mesh_file(key: str) -> Path:
+    """The mesh of a stand-in, a PLY file with its image beside it; made if it is not there.
+
+    Raises IcyMoonError if the cache folder cannot be written to.
+    """
+    item = mesh_item(key)
+    return make_files(item) / f"{item.stem}.ply"
+
+
+def make_files(item: TextureItem | MeshItem, folder: Path | None = None) -> Path:
+    """Make the files of a stand-in, unless they are whole, and return their folder: that in the cache, or ``folder``.
+
+    Raises IcyMoonError if the folder cannot be written to.
+    """
+    there = folder or folder_of(item)
+    if not _is_whole(there):
+        try:
+            _write_all(there, *(_encode_texture(item) if isinstance(item, TextureItem) else _encode_mesh(item)))
+        except DiskError as error:
+            if folder is not None:
+                raise
+            raise IcyMoonError(f"{str(error).rstrip('.')} (stand-ins are kept in the cache folder, which "
+                               f"{FOLDER_VARIABLE} or the preference Cache names).") from error
+    return there
+
+
+def relief_m(folder: Path) -> float:
+    """Height in metres of white above black in the height image of a folder of ``make_files``."""
+    return float(read_record(folder / _RECORD, _SHAPE, "delete it")["height_m"])
+
+
+def _is_whole(folder: Path) -> bool:
+    try:
+        record = read_record(folder / _RECORD, _SHAPE, "delete it")
+        return record["recipe"] == RECIPE and bool(record["sha256"]) and all(
+            _checksum(folder / name, (folder / name).stat().st_size, (folder / name).stat().st_mtime_ns) == known
+            for name, known in record["sha256"].items())
+    except (OSError, IcyMoonError):
+        return False
+
+
+@functools.lru_cache(maxsize=256)
+def _checksum(path: Path, size: int, modified_ns: int) -> str:
+    """Checksum of a file, read once for each size and time of change."""
+    return sha256(path)
+
+
+def _write_all(folder: Path, height_m: float, encoded: Mapping[str, bytes]) -> None:
+    with explain_disk_errors("write to", folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for part in folder.glob(f"*{PART}"):
+            with suppress(OSError):
+                if time.time() - part.stat().st_mtime > _OLD_S:
+                    remove(part)
+        remove(folder / _RECORD)  # what it states is about to change
+    for name, data in encoded.items():
+        write_atomically(folder / name, functools.partial(_write, data))
+    write_json(folder / _RECORD, {"recipe": RECIPE, "height_m": height_m,
+                                  "sha256": {name: sha256(folder / name) for name in encoded}})
+
+
+def _write(data: bytes, part: Path) -> None:
+    part.write_bytes(data)
+
+
+def _encode_texture(item: TextureItem) -> tuple[float, dict[str, bytes]]:
+    maps = make_maps(item.key)
+    low, span = float(maps.height_m.min()), float(np.ptp(maps.height_m))
+    images: dict[str, np.ndarray | None] = {
+        "albedo": _levels(to_srgb(maps.albedo)), "roughness": _levels(maps.roughness),
+        "normal": _levels((maps.normal + 1.0) / 2.0),
+        "height": np.rint((maps.height_m - low) / span * 65535.0).astype(np.uint16),
+        "transmission": None if maps.transmission is None else _levels(maps.transmission)}
+    return span, {f"{item.stem}_{kind}.png": encode_png(image[::-1], 6) for kind, image in images.items()
+                  if image is not None}
+
+
+def _encode_mesh(item: MeshItem) -> tuple[float, dict[str, bytes]]:
+    made = reconstruct(item.key)
+    image = f"{item.stem}.png"
+    comments = ("made by Icy Moon, no reconstruction", f"stand-in for {item.paper}", f"TextureFile {image}")
+    return 0.0, {image: encode_png(_levels(to_srgb(made.image))[::-1], 6),
+                 f"{item.stem}.ply": encode_triangles(("x", "y", "z", "s", "t"),
+                                                  np.hstack([made.positions, made.uv]), made.faces, comments)}
+
+
+def _levels(values: np.ndarray) -> np.ndarray:
+    """Values from 0 to 1 as levels of 8 bits."""
+    return np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+def to_srgb(linear: np.ndarray) -> np.ndarray:
+    """Values of sRGB, 0 to 1, of linear ones (IEC 61966-2-1)."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0) ** (1 / 2.4) - 0.055)

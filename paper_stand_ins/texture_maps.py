@@ -1,0 +1,348 @@
+"""The maps of the stand-in textures: snow, firn and ice, made by code.
+
+Each texture is a relief in metres and a material. The six that stand in for photographs have light and shadow in their
+albedo image, as photographs do, so their other maps are for whoever wants them. What the statistics follow is in
+``items``; the rest is a guess.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..physics.random_numbers.seeds import generator
+from . import fields
+from .fields import Draw
+from .ice_colours import ice_albedo, snow_albedo
+from .items import PIXELS, TextureItem, texture_item
+
+#: The stand-ins are the same in every data set, so that their pairs can be compared.
+SEED = 0
+DIRT = np.array([0.10, 0.085, 0.065])  # a guess: dark silt; only its ratio to the ice matters
+
+
+@dataclass(frozen=True)
+class Maps:
+    """The maps of a texture, row 0 at the bottom.
+
+    ``albedo`` (n, n, 3) linear, 0 to 1. ``height_m`` (n, n) metres. ``normal`` (n, n, 3) unit, x right, y up, z out.
+    ``roughness`` and ``transmission`` (n, n), 0 to 1; ``transmission`` may be None.
+    """
+
+    albedo: np.ndarray
+    roughness: np.ndarray
+    height_m: np.ndarray
+    normal: np.ndarray
+    transmission: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class _Made:
+    """A recipe's result: relief in metres, colour (n, n, 3), roughness, transmission, and the Sun of a photograph
+    (azimuth and elevation in degrees)."""
+
+    height_m: np.ndarray
+    colour: np.ndarray
+    roughness: np.ndarray
+    transmission: np.ndarray | None = None
+    sun_deg: tuple[float, float] | None = None
+    glint: np.ndarray | None = None
+    scatter_m: float = 0.004  # a guess: how far light spreads in fresh snow
+
+
+def make_maps(key: str, seed: int = SEED, size: int = PIXELS) -> Maps:
+    """The maps of the stand-in texture ``key``. Raises KeyError for another name."""
+    item = texture_item(key)
+    random = generator(seed, "stand_ins", 0, item.number)
+    made = _RECIPES[key](Draw(random, size), item)
+    pixel_m = item.width_m / size
+    height_m = made.height_m - made.height_m.mean()
+    relief = height_m / pixel_m
+    picture = made.colour
+    if made.sun_deg is not None:
+        lit = fields.light(relief, made.sun_deg, scatter_px=made.scatter_m / pixel_m)
+        picture = picture * lit[..., None]
+    elif item.occluded:
+        picture = picture * (fields.openness(relief, 48.0) ** 1.5)[..., None]
+    if made.glint is not None:
+        picture = picture + made.glint[..., None]
+    transmission = made.transmission if "transmission" in item.kinds else None
+    return Maps(_with_mean(picture, item.mean), np.clip(made.roughness, 0.05, 1.0), height_m, fields.normals(relief),
+                None if transmission is None else np.clip(transmission, 0.0, 1.0))
+
+
+def _with_mean(picture: np.ndarray, mean: float) -> np.ndarray:
+    """The picture with this mean in green, and nothing below 0 or above 1."""
+    for _ in range(6):  # what is cut off at 1 darkens it again
+        picture = np.clip(picture * (mean / picture[..., 1].mean()), 0.0, 1.0)
+    return picture
+
+
+def mix(a: np.ndarray, b: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Colours ``a`` where ``share`` is 0, ``b`` where it is 1."""
+    return a + (b - a) * share[..., None]
+
+
+def _grain(draw: Draw, longest: float = 1 / 40) -> np.ndarray:
+    """Fine grain of snow: the smallest waves that an image can hold."""
+    n = draw.n
+    return draw.waves(1.0, 2.5 / n, longest)
+
+
+def _bent(draw: Draw, cells: float, longest: float = 0.5,
+          shortest: float = 1 / 16) -> tuple[np.ndarray, np.ndarray]:
+    """A smooth random shift (rows, columns) of so many cells."""
+    return (cells * draw.waves(5.0, shortest, longest),
+            cells * draw.waves(5.0, shortest, longest))
+
+
+def _snow_crystals(draw: Draw, item: TextureItem) -> _Made:
+    n = draw.n
+    # Loose plates and columns of old crystals, a few millimetres wide, lying on each other.
+    plates = np.maximum(draw.facets(40, 1.0), 0.7 * draw.facets(64, 1.2) + 0.15)
+    heap = draw.waves(3.4, 1 / 16, 1 / 2)
+    height = 0.0024 * np.clip(plates, -0.2, 1.6) + 0.004 * heap + 0.00003 * _grain(draw)
+    x, y = fields.gradients(height * n / item.width_m)
+    # A facet mirrors the Sun where it is tilted right: some crystals in a hundred are bright as a whole.
+    glint = 1.1 * np.exp(-((x + 0.42) ** 2 + (y - 0.15) ** 2) / 0.006)
+    tone = snow_albedo(0.0004 * np.exp(0.4 * draw.waves(2.0, 1 / 64, 1 / 3)))
+    return _Made(height, tone, 0.45 - 0.12 * np.clip(plates, 0, 1), sun_deg=(160.0, 38.0),
+                 glint=fields.blur(glint, 0.8), scatter_m=0.0006)
+
+
+def _hoar_frost(draw: Draw, item: TextureItem) -> _Made:
+    n = draw.n
+    # Feathers of hoar: barbs slant away from a quill on both sides, the direction changing from feather to feather.
+    across = 7
+    cells = draw.cells(across, _bent(draw, 0.2))
+    turn, place = 2 * math.pi * draw.random.random(across**2)[cells.number], draw.random.random(across**2)[cells.number]
+    x, y = cells.x / across, cells.y / across
+    spread = 0.085
+    quill = np.abs(((np.cos(turn) * y - np.sin(turn) * x) / spread + place
+                    + 0.05 * draw.waves(3.0, 1 / 60, 1 / 8)) % 1.0 - 0.5)
+    along = np.cos(turn) * x + np.sin(turn) * y
+    barb = (along + 1.1 * spread * quill) / 0.0125 + 0.18 * draw.waves(2.4, 6 / n, 1 / 20)
+    blades = (0.5 + 0.5 * np.cos(2 * math.pi * barb)) ** 1.5 * fields.smooth_step(
+        draw.waves(2.0, 8 / n, 1 / 16), -1.4, 0.6)
+    stem, tip = 1.0 - fields.smooth_step(quill, 0.0, 0.06), 1.0 - fields.smooth_step(quill, 0.28, 0.5)
+    body = np.maximum(0.8 * blades * (0.25 + 0.75 * tip), stem)
+    height = (0.0019 * body + 0.0016 * tip + 0.004 * draw.waves(3.8, 1 / 12, 1 / 2)
+              + 0.00005 * _grain(draw))
+    thick = fields.smooth_step(0.9 * body + 0.6 * tip + 0.5 * draw.waves(3.2, 1 / 30, 1 / 2), -0.3, 1.2)
+    colour = mix(0.7 * ice_albedo(draw.even(0.006)), snow_albedo(draw.even(0.0002)), thick)
+    return _Made(fields.blur(height, 0.8), colour, 0.75 - 0.2 * body, sun_deg=(35.0, 34.0), scatter_m=0.001)
+
+
+def _snow_drift(draw: Draw, item: TextureItem) -> _Made:
+    n = draw.n
+    # Wind ripples, gentle to the wind and steep to the lee, that fork and fade, on low drifts.
+    drift = draw.waves(4.4, 1 / 6, 1.0)
+    bend = 0.9 * draw.waves(4.0, 1 / 4, 1.0) + 0.07 * draw.waves(3.2, 1 / 30, 1 / 5)
+    saw = (14.0 * np.arange(n)[None, :] / n + bend) % 1.0
+    ripple = np.where(saw < 0.72, fields.smooth_step(saw, 0.0, 0.72), 1.0 - fields.smooth_step(saw, 0.72, 1.0))
+    strength = fields.smooth_step(draw.waves(3.6, 1 / 6, 1 / 2), -1.4, 1.0)
+    fine = draw.waves(2.6, 4 / n, 1 / 30, 3.0, math.pi / 2)
+    height = 0.07 * drift + 0.016 * strength * fields.blur(ripple, 4.0) + 0.0008 * fine + 0.0003 * _grain(draw)
+    return _Made(height, snow_albedo(draw.even(0.0002)), draw.even(0.7), sun_deg=(180.0, 22.0),
+                 scatter_m=0.006)
+
+
+def _crusted_snow(draw: Draw, item: TextureItem) -> _Made:
+    n = draw.n
+    # A wind crust, broken: smooth plates at several levels over a rough layer of lumps.
+    cells = draw.cells(7, _bent(draw, 0.22))
+    first, second, number = cells.first, cells.second, cells.number
+    level = draw.random.random(49)[number]
+    lumps = draw.waves(2.6, 5 / n, 1 / 20) + 0.5 * fields.normalise(
+        draw.facets(40, 0.6).clip(-0.2))
+    ragged = 0.10 * draw.waves(2.6, 5 / n, 1 / 8)
+    plate = fields.smooth_step(level + ragged, 0.40, 0.43)
+    crack = fields.smooth_step(second - first + 0.25 * ragged, 0.0, 0.06)
+    crust = 0.005 + 0.010 * level + 0.0022 * draw.waves(3.6, 1 / 40, 1 / 4)
+    whole = plate * crack
+    height = (whole * crust + (1 - whole) * 0.0028 * fields.normalise(lumps)
+              + 0.014 * draw.waves(4.4, 1 / 8, 1.0) + 0.00022 * _grain(draw))
+    tone = snow_albedo(np.where(whole > 0.5, 0.0003, 0.0008))
+    return _Made(fields.blur(height, 1.0), tone, 0.7 - 0.25 * whole, sun_deg=(120.0, 28.0), scatter_m=0.005)
+
+
+def _cracked_ice(draw: Draw, item: TextureItem) -> _Made:
+    n = draw.n
+    # Dark clear ice of a lake: white cracks, some seen aslant as sheets, strings of bubbles, and blown snow.
+    long = draw.lines(7, 0.9, 3.6, 0.35, 3)
+    fine = draw.lines(26, 0.25, 1.6, 0.5, 1)
+    lines = np.maximum(long, 0.6 * fine)
+    sheet = np.zeros((n, n))
+    for k in range(1, 22):
+        sheet = np.maximum(sheet, np.roll(long, (k, k // 2), (0, 1)) * (1.0 - k / 22))
+    patch = fields.smooth_step(draw.waves(3.0, 1 / 30, 1 / 3), 0.6, 2.2)
+    bubbles = draw.discs(3200, 1.2, 10.0, 0.04 + patch)
+    share = 0.0012 * np.exp(0.55 * draw.waves(3.6, 1 / 30, 1.0))
+    streaks = draw.waves(2.2, 4 / n, 1 / 4, 3.0, 0.4)
+    dust = fields.smooth_step(streaks, 0.9, 2.4) * (0.6 + 0.4 * fields.smooth_step(_grain(draw), -1, 1))
+    white = np.clip(0.9 * lines + 0.28 * sheet * (0.7 + 0.3 * fields.smooth_step(streaks, -1, 1)) + 0.5 * bubbles
+                    + 0.75 * dust, 0.0, 1.0)
+    height = -0.0012 * lines + 0.0012 * draw.waves(4.4, 1 / 20, 1.0) + 0.0006 * dust
+    dark = 0.45 * ice_albedo(share) + 0.02  # clear ice over dark water
+    return _Made(height, mix(dark, snow_albedo(draw.even(0.0003)), white), 0.12 + 0.4 * white,
+                 sun_deg=(60.0, 45.0))
+
+
+def _powder_snow(draw: Draw, item: TextureItem) -> _Made:
+    n = draw.n
+    # Powder that has just fallen: soft swells, small clots that fell off a branch, and grain.
+    swells = draw.waves(4.4, 1 / 40, 1.0)
+    clots = np.maximum(draw.waves(3.0, 6 / n, 1 / 40), 0.0)
+    scattered = fields.smooth_step(draw.waves(3.2, 1 / 20, 1 / 3), -0.2, 1.8)
+    height = (0.016 * swells + 0.0008 * draw.waves(3.0, 4 / n, 1 / 16)
+              + 0.0016 * clots * scattered + 0.00016 * _grain(draw))
+    return _Made(height, snow_albedo(draw.even(0.0001)), draw.even(0.85), sun_deg=(140.0, 26.0),
+                 scatter_m=0.004)
+
+
+def _ground_snow(draw: Draw, item: TextureItem) -> _Made:
+    n = draw.n
+    # Thin snow that leaves stones and silt bare on raised ground.
+    cells = draw.cells(24, _bent(draw, 0.15))
+    first, number = cells.first, cells.number
+    big = draw.random.random(576)[number] ** 3
+    stones = np.sqrt(np.clip(0.32 - first**2, 0.0, 1.0)) * big
+    soil = 0.02 * draw.waves(3.4, 1 / 60, 1 / 2) + 0.03 * stones + 0.0008 * draw.waves(2.0, 4 / n, 1 / 40)
+    cover = fields.blur(soil, 14.0) + 0.004 + 0.006 * draw.waves(3.4, 1 / 40, 1 / 3)
+    snow = fields.smooth_step(cover - soil, -0.0015, 0.0015)
+    height = np.maximum(soil, cover + 0.0006 * draw.waves(2.4, 4 / n, 1 / 30))
+    tint = np.exp(0.35 * draw.waves(1.6, 3 / n, 1 / 8) + 0.6 * (draw.random.random(576)[number] - 0.5))
+    return _Made(fields.blur(height, 0.7), mix(1.6 * DIRT * tint[..., None], snow_albedo(draw.even(0.0003)),
+                                                  snow), 0.85 - 0.2 * snow, 0.25 * snow)
+
+
+def _lumpy_snow(draw: Draw, item: TextureItem) -> _Made:
+    n = draw.n
+    # Snow that fell in clumps, from a roof or a slope: round lumps of all sizes, half sunk.
+    height = 0.020 * draw.waves(4.4, 1 / 12, 1.0)
+    for across, share in ((8, 0.30), (17, 0.35), (36, 0.4), (70, 0.4)):
+        cells = draw.cells(across, _bent(draw, 0.05))
+        first, number = cells.first, cells.number
+        size = draw.random.random(across**2)[number] ** 2.2
+        lump = np.sqrt(np.clip((0.6 * size) ** 2 - first**2, 0.0, None))
+        height = height + share * item.width_m / across * lump
+    height = fields.blur(height, 2.5) + 0.0007 * draw.waves(2.8, 5 / n, 1 / 20) + 0.0002 * _grain(draw)
+    return _Made(height, snow_albedo(draw.even(0.0003)), draw.even(0.75))
+
+
+def _firn(draw: Draw, item: TextureItem) -> _Made:
+    # Coarse round grains that froze together, and pits where they melted out.
+    cells = draw.cells(64)
+    first, second, number = cells.first, cells.second, cells.number
+    cells = draw.cells(128)
+    small = cells.first
+    grains = np.sqrt(np.clip(0.6 - first**2, 0.0, 1.0)) * (0.6 + 0.6 * draw.random.random(4096)[number])
+    pits = fields.smooth_step(draw.waves(3.4, 1 / 24, 1 / 5), 0.7, 2.4)
+    height = (0.0026 * grains * (1.0 - 0.5 * pits) - 0.0006 * small - 0.011 * pits
+              + 0.006 * draw.waves(3.4, 1 / 24, 1 / 2))
+    radius = 0.0012 * np.exp(0.5 * (draw.random.random(4096)[number] - 0.5))
+    wet = fields.smooth_step(second - first, 0.0, 0.2)
+    return _Made(fields.blur(height, 1.0), snow_albedo(radius) * (0.88 + 0.12 * wet)[..., None], 0.5 - 0.2 * wet)
+
+
+def _glacier_ice(draw: Draw, item: TextureItem) -> _Made:
+    n = draw.n
+    # Bare glacier ice, scalloped by melt: crystals the size of a hand, foliation of bubbles, healed cracks, grit.
+    cells = draw.cells(15, _bent(draw, 0.2))
+    first, second, number = cells.first, cells.second, cells.number
+    edge = fields.smooth_step(second - first, 0.02, 0.08)
+    healed = draw.lines(5, 0.8, 4.0, 0.25, 2)
+    foliation = draw.waves(2.6, 1 / 80, 1 / 3, 8.0, 0.5)
+    band = fields.smooth_step(foliation, -0.4, 1.6)
+    cells = draw.cells(6, _bent(draw, 0.2), 0.2)
+    scallop = cells.first
+    height = (0.05 * np.minimum(scallop, 0.9) ** 2 + 0.0016 * edge + 0.0012 * fields.blur(healed, 1.0)
+              + 0.008 * draw.waves(3.8, 1 / 30, 1 / 2) + 0.0012 * foliation
+              + 0.0007 * draw.waves(2.6, 5 / n, 1 / 20))
+    share = 0.004 * np.exp(0.5 * (draw.random.random(225)[number] - 0.5)) + 0.03 * band**2
+    white = np.clip(0.8 * healed + 0.3 * (1 - edge) * (0.4 + band) + 0.18 * band, 0.0, 1.0)
+    colour = mix(ice_albedo(share), snow_albedo(draw.even(0.0005)), white)
+    low = fields.smooth_step(0.35 - scallop, 0.0, 0.35)  # grit gathers in the bowls
+    grit = low * fields.smooth_step(draw.waves(1.2, 4 / n, 1 / 60), 1.2, 2.2)
+    colour = mix(colour, np.broadcast_to(DIRT, colour.shape), 0.8 * grit)
+    return _Made(fields.blur(height, 1.0), colour, 0.22 + 0.35 * white + 0.2 * band)
+
+
+def _mixed_snow(draw: Draw, item: TextureItem) -> _Made:
+    n = draw.n
+    # Snow with chips of ice and grit in it, as where it was dug or has fallen off a wall.
+    height = (0.022 * draw.waves(4.0, 1 / 30, 1.0) + 0.0012 * draw.waves(2.8, 5 / n, 1 / 12)
+              + 0.0003 * _grain(draw))
+    colour, rough, clear = snow_albedo(draw.even(0.0004)), draw.even(0.8), draw.even(0.1)
+    there = draw.waves(3.0, 1 / 16, 1 / 2)
+    for across, kept in ((11, 0.30), (24, 0.28), (50, 0.2)):
+        cells = draw.cells(across, _bent(draw, 0.04))
+        first, second, number = cells.first, cells.second, cells.number
+        chance, tilt = draw.random.random(across**2)[number], draw.random.standard_normal((across**2, 2))[number]
+        # A convex chip: the lowest of three planes over each cell, cut off where it meets the snow.
+        turn = 2 * math.pi * draw.random.random(across**2)[number]
+        grown = np.full((n, n), np.inf)
+        for k in range(3):
+            angle = turn + 2.1 * k + 0.3 * tilt[..., 0]
+            grown = np.minimum(grown, 0.34 - np.cos(angle) * cells.x - np.sin(angle) * cells.y)
+        chip = np.minimum(grown, 0.16 + 0.25 * (np.cos(turn) * cells.x + np.sin(turn) * cells.y))
+        chip = np.where((chance < kept + 0.12 * there) & (first < 0.6), chip, -1.0) * item.width_m / across
+        chip = np.minimum(chip, (second - first) * 0.5 * item.width_m / across)
+        shown = fields.smooth_step(chip, 0.0, 0.0015)
+        height = height + 0.55 * np.maximum(chip, 0.0)
+        share = 0.006 * np.exp(0.8 * tilt[..., 1])
+        colour = mix(colour, ice_albedo(share), 0.8 * shown)
+        rough, clear = rough - 0.5 * shown * rough, np.maximum(clear, 0.6 * shown)
+    grit = fields.smooth_step(draw.waves(1.0, 4 / n, 1 / 90), 2.2, 2.8) * fields.smooth_step(
+        draw.waves(3.0, 1 / 20, 1 / 2), -0.5, 1.0)
+    return _Made(fields.blur(height, 0.7) + 0.0005 * grit,
+                 mix(colour, np.broadcast_to(1.3 * DIRT, colour.shape), 0.85 * grit), rough, clear)
+
+
+def _settled_snow(draw: Draw, item: TextureItem) -> _Made:
+    n = draw.n
+    # Windless settled snow: one smooth surface, dimpled where it sank.
+    cells = draw.cells(5, _bent(draw, 0.2))
+    dimple = cells.first
+    height = (0.022 * draw.waves(4.6, 1 / 20, 1.0) + 0.020 * np.minimum(dimple, 0.8) ** 2
+              + 0.0005 * draw.waves(3.4, 6 / n, 1 / 16) + 0.00006 * _grain(draw))
+    return _Made(height, snow_albedo(draw.even(0.0002)), draw.even(0.8), draw.even(0.3))
+
+
+def _suncups(draw: Draw, item: TextureItem) -> _Made:
+    n = draw.n
+    # Bowls side by side with sharp rims between them; dust gathers on the rims.
+    cells = draw.cells(8, _bent(draw, 0.1), 0.3)
+    first, second, number = cells.first, cells.second, cells.number
+    depth = 0.15 + 0.09 * draw.random.random(64)[number]
+    height = (fields.blur(np.minimum(first, 0.85) ** 2 * depth, 3.0) + 0.006 * draw.waves(4.0, 1 / 24, 1 / 4)
+              + 0.0008 * draw.waves(3.0, 5 / n, 1 / 24) + 0.00015 * _grain(draw))
+    rim = 1.0 - fields.smooth_step(second - first, 0.0, 0.16)
+    dust = rim * fields.smooth_step(draw.waves(2.0, 4 / n, 1 / 12), -0.6, 1.6)
+    colour = mix(snow_albedo(draw.even(0.0007)), np.broadcast_to(3.5 * DIRT, (n, n, 3)), 0.12 * dust)
+    return _Made(height, colour, 0.65 + 0.1 * rim, 0.3 - 0.1 * rim)
+
+
+def _sastrugi(draw: Draw, item: TextureItem) -> _Made:
+    n = draw.n
+    # Tongues that the wind cut: long along it, steep toward it, at a few levels.
+    shape = draw.waves(3.6, 1 / 30, 1 / 2, 3.0, 0.15)
+    fine = draw.waves(2.6, 5 / n, 1 / 16, 5.0, 0.15)
+    # The windward side, to the left, is cut back: steps are pulled toward what lies behind them.
+    layers = np.zeros((n, n))
+    for k, threshold in enumerate((-1.0, 0.0, 0.9)):
+        edge = fields.warp(shape + 0.12 * fine, 0.0 * shape, 4.0 * fine)
+        layers += (1.0 + 0.3 * (k % 2)) * fields.smooth_step(edge, threshold, threshold + 0.6)
+    height = 0.016 * layers + 0.020 * shape + 0.0008 * fine + 0.0002 * _grain(draw)
+    return _Made(fields.blur(height, 1.2), snow_albedo(draw.even(0.0002)), draw.even(0.72),
+                 draw.even(0.2))
+
+
+_RECIPES: dict[str, Callable[[Draw, TextureItem], _Made]] = {
+    "SNOW_CRYSTALS": _snow_crystals, "HOAR_FROST": _hoar_frost, "SNOW_DRIFT": _snow_drift,
+    "CRUSTED_SNOW": _crusted_snow, "CRACKED_ICE": _cracked_ice, "POWDER_SNOW": _powder_snow,
+    "GROUND_SNOW": _ground_snow, "LUMPY_SNOW": _lumpy_snow, "FIRN": _firn, "GLACIER_ICE": _glacier_ice,
+    "MIXED_SNOW": _mixed_snow, "SETTLED_SNOW": _settled_snow, "SUNCUPS": _suncups, "SASTRUGI": _sastrugi}

@@ -1,0 +1,143 @@
+"""Irregular triangles over a height map, few where it is flat, as decimated reconstructions have them.
+
+First the square is halved into right triangles wherever they miss the heights (Evans, Kirkpatrick and Townsend 2001,
+"Right-triangulated irregular networks", Algorithmica 30, 264). Then the vertices are moved at random and edges are
+flipped until no triangle can be made better (Lawson 1977), so that nothing of the squares is left to see.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+_ROUNDS = 80  # of flips; what is left then is harmless
+
+
+def triangulate(random: np.random.Generator, heights: np.ndarray, triangles: int,
+                flat: float) -> tuple[np.ndarray, np.ndarray]:
+    """Places (k, 2) of vertices in pixels (column, row) and faces (m, 3), counter-clockwise, of about ``triangles``.
+
+    ``heights`` is (2^j + 1, 2^j + 1) in pixels. ``flat`` is by what share of its edge a flat triangle counts as missing
+    the heights, so that flat ground has triangles too.
+    """
+    error = _errors(heights, flat)
+    low, high = 0.0, float(error.max())
+    for _ in range(24):  # the number falls as the error that is allowed grows
+        middle = (low + high) / 2
+        low, high = (middle, high) if _count(error, middle) > triangles else (low, middle)
+    places, faces = _split(error, high)
+    places = _moved(random, places, faces, heights.shape[0] - 1)
+    return places, _flipped(random, places, faces)
+
+
+def _levels(size: int) -> list[np.ndarray]:
+    """Right triangles of each level, coarsest first: (m, 3, 2) columns and rows of the corners a, b and the right
+    angle's c; the hypotenuse is a to b."""
+    found = [np.array([[(0, 0), (size, size), (size, 0)], [(size, size), (0, 0), (0, size)]])]
+    while abs(found[-1][0, 0] - found[-1][0, 1]).max() > 1:
+        a, b, c = found[-1][:, 0], found[-1][:, 1], found[-1][:, 2]
+        middle = (a + b) // 2
+        found.append(np.concatenate([np.stack([c, a, middle], axis=1), np.stack([b, c, middle], axis=1)]))
+    return found
+
+
+def _errors(heights: np.ndarray, flat: float) -> np.ndarray:
+    """For each vertex, by how much the triangles that it halves, and all within them, miss the heights."""
+    error = np.zeros_like(heights)
+    for level in reversed(_levels(heights.shape[0] - 1)):
+        a, b, c = level[:, 0], level[:, 1], level[:, 2]
+        if ((a + b) % 2).any():
+            continue  # the smallest triangles, which cannot be halved
+        middle = (a + b) // 2
+        ends = (heights[a[:, 1], a[:, 0]] + heights[b[:, 1], b[:, 0]]) / 2
+        missed = np.abs(ends - heights[middle[:, 1], middle[:, 0]])
+        missed += flat * np.abs(a - b).max(axis=1)
+        for end, other in ((a, c), (b, c)):  # the halves are halved at the middle of the short sides
+            child = end + other
+            even = (child % 2 == 0).all(axis=1)
+            place = child[even] // 2
+            missed[even] = np.maximum(missed[even], error[place[:, 1], place[:, 0]])
+        np.maximum.at(error, (middle[:, 1], middle[:, 0]), missed)
+    return error
+
+
+def _halved(error: np.ndarray, most: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """For each level the triangles that are there and which of them are halved."""
+    size = error.shape[0] - 1
+    level = np.array([[(0, 0), (size, size), (size, 0)], [(size, size), (0, 0), (0, size)]])
+    found = []
+    while len(level):
+        a, b, c = level[:, 0], level[:, 1], level[:, 2]
+        middle = (a + b) // 2
+        split = ((a + b) % 2 == 0).all(axis=1) & (error[middle[:, 1], middle[:, 0]] > most)
+        found.append((level, split))
+        a, b, c, middle = a[split], b[split], c[split], middle[split]
+        level = np.concatenate([np.stack([c, a, middle], axis=1), np.stack([b, c, middle], axis=1)])
+    return found
+
+
+def _count(error: np.ndarray, most: float) -> int:
+    return 2 + sum(int(split.sum()) for _, split in _halved(error, most))
+
+
+def _split(error: np.ndarray, most: float) -> tuple[np.ndarray, np.ndarray]:
+    corners = np.concatenate([level[~split] for level, split in _halved(error, most)])
+    width = error.shape[0]
+    keys, faces = np.unique(corners[..., 1] * width + corners[..., 0], return_inverse=True)
+    faces = faces.reshape(-1, 3)
+    places = np.stack([keys % width, keys // width], axis=1).astype(float)
+    faces[_twice_area(places, faces) < 0] = faces[_twice_area(places, faces) < 0][:, ::-1]
+    return places, faces
+
+
+def _twice_area(places: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    a, b, c = (places[faces[:, k]] for k in range(3))
+    return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+
+
+def _moved(random: np.random.Generator, places: np.ndarray, faces: np.ndarray, size: int) -> np.ndarray:
+    """The vertices, each moved by less than what could turn over a triangle, but those of the border."""
+    height = np.full(len(places), np.inf)  # least height of a triangle at each vertex
+    for k in range(3):
+        a, b = places[faces[:, k]], places[faces[:, (k + 1) % 3]]
+        of = _twice_area(places, faces) / np.hypot(*(b - a).T)
+        for corner in faces.T:
+            np.minimum.at(height, corner, of)
+    inside = ((places > 0) & (places < size)).all(axis=1)
+    turn, far = 2 * np.pi * random.random(len(places)), 0.45 * np.sqrt(random.random(len(places)))
+    step = np.stack([np.cos(turn), np.sin(turn)], axis=1) * (far * height * inside)[:, None]
+    return np.asarray(places + step)
+
+
+def _flipped(random: np.random.Generator, places: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """The faces after flips of edges whose two triangles are better the other way (Delaunay)."""
+    faces = faces.copy()
+    for _ in range(_ROUNDS):
+        begin, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()
+        other = faces[:, [2, 0, 1]].ravel()
+        key = np.minimum(begin, end) * len(places) + np.maximum(begin, end)
+        order = np.argsort(key, kind="stable")
+        pair = np.flatnonzero(key[order][1:] == key[order][:-1])
+        one, two = order[pair], order[pair + 1]
+        a, b, c, d = begin[one], end[one], other[one], other[two]
+        flip = np.flatnonzero(_is_within_circle(places[a], places[b], places[c], places[d]))
+        if not len(flip):
+            break
+        first, second = one[flip] // 3, two[flip] // 3
+        rank = random.permutation(len(flip))
+        best = np.full(len(faces), len(flip))
+        np.minimum.at(best, first, rank)
+        np.minimum.at(best, second, rank)
+        alone = (best[first] == rank) & (best[second] == rank)  # no two flips touch the same triangle
+        flip, first, second = flip[alone], first[alone], second[alone]
+        faces[first] = np.stack([a[flip], d[flip], c[flip]], axis=1)
+        faces[second] = np.stack([d[flip], b[flip], c[flip]], axis=1)
+    return faces
+
+
+def _is_within_circle(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Whether ``d`` lies within the circle through a, b and c, which are counter-clockwise; beyond rounding."""
+    (ax, ay), (bx, by), (cx, cy) = ((p - d).T for p in (a, b, c))
+    determinant = ((ax * ax + ay * ay) * (bx * cy - cx * by) - (bx * bx + by * by) * (ax * cy - cx * ay)
+                   + (cx * cx + cy * cy) * (ax * by - bx * ay))
+    scale = np.maximum(np.abs(a - d).max(axis=1), np.abs(b - d).max(axis=1)) ** 4
+    return np.asarray(determinant > 1e-9 * scale)
