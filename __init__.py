@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .library.scene import Scene
     from .library.sweep import Sweep, SweepPoint
     from .settings.preset_files import preset_names
+    from .stereo import torch_data as torch
 
 #: The names that programs use, and the modules that they are from.
 _NAMES = {"Evaluation": "library.evaluation", "IcyMoonError": "errors", "InProcess": "library.renderers",
@@ -25,6 +26,8 @@ _NAMES = {"Evaluation": "library.evaluation", "IcyMoonError": "errors", "InProce
           "Sweep": "library.sweep", "SweepPoint": "library.sweep", "Worker": "library.renderers",
           "evaluate": "library.evaluation", "open_pair": "library.rendered_pair",
           "open_pairs": "library.rendered_pair", "preset_names": "settings.preset_files"}
+#: The module ``icymoon.torch``. A file of this name at the root would hide PyTorch from whoever runs there.
+_MODULES = {"torch": "stereo.torch_data"}
 
 __all__ = [
     "Evaluation",
@@ -40,14 +43,17 @@ __all__ = [
     "open_pair",
     "open_pairs",
     "preset_names",
+    "torch",
 ]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _NAMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     import importlib
 
+    if name in _MODULES:
+        return importlib.import_module(f".{_MODULES[name]}", __name__)
+    if name not in _NAMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(importlib.import_module(f".{_NAMES[name]}", __name__), name)
 
 

@@ -87,7 +87,7 @@ def _parser() -> argparse.ArgumentParser:
     what = command.add_mutually_exclusive_group(required=True)
     what.add_argument("--format", help="layout to write",
                       choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco", "raw", "cahvor", "colmap",
-                               "fits", "tiff", "ros2"))
+                               "fits", "tiff", "ros2", "webdataset", "sceneflow"))
     what.add_argument("--for-prediction", action="store_true",
                       help="write only what a method on another machine needs: images and camera of each pair, foreign "
                       "ones too")

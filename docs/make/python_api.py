@@ -11,7 +11,7 @@ import icymoon
 
 #: The names of the package in the order of the page.
 ORDER = ("Scene", "RenderedPair", "RenderedEye", "open_pair", "open_pairs", "evaluate", "Evaluation", "Sweep",
-         "SweepPoint", "Worker", "InProcess", "preset_names", "IcyMoonError")
+         "SweepPoint", "Worker", "InProcess", "preset_names", "torch", "IcyMoonError")
 
 
 def page() -> str:
@@ -25,6 +25,8 @@ def page() -> str:
 
 
 def _entry(name: str, item: Any) -> str:
+    if inspect.ismodule(item):
+        return f"## {name}\n\n{_prose(item)}\n\n" + _entry(f"{name}.Dataset", item.Dataset).replace("## ", "### ", 1)
     text = f"## {name}\n\n```text\n{name}{_signature(item)}\n```\n\n{_prose(item)}\n"
     if inspect.isclass(item):
         for key, member in vars(item).items():

@@ -8,6 +8,7 @@
 * ``coco``: left and right images, and ``annotations.json`` with a mask for each rock and each of the user's objects.
 * ``cahvor``, ``colmap``: images with camera models, see ``cameras``; ``fits``, ``tiff``: I/F, see ``radiance_factor``;
   ``ros2``: a bag, see ``ros_bag``.
+* ``webdataset``, ``sceneflow``: copies for training, see ``training``.
 * ``raw``: images, depth and calibration of the sensors, not rectified; see ``raw.write_raw``.
 
 Except in ``raw``, images are rectified and developed as for the matchers, but in colour if the sensor sees it; ``pfm``
@@ -38,6 +39,7 @@ from .encodings import KITTI_SCALE, MILLIMETRES, run_lengths, write_pfm, write_s
 from .radiance_factor import write_fits, write_tiff
 from .raw import write_raw
 from .ros_bag import write_ros2
+from .training import write_sceneflow, write_webdataset
 
 Event = Callable[[dict[str, Any]], None]
 #: Calls a function with each pair.
@@ -290,7 +292,8 @@ FORMATS: dict[str, Format] = {
     "png8": _pair_by_pair(_write_png8), "png16": _pair_by_pair(_write_png16), "pfm": _pair_by_pair(_write_pfm),
     "kitti": _write_kitti, "middlebury": _pair_by_pair(_write_middlebury), "coco": _write_coco,
     "raw": _pair_by_pair(write_raw), "cahvor": _pair_by_pair(write_cahvor), "colmap": write_colmap,
-    "fits": _pair_by_pair(write_fits), "tiff": _pair_by_pair(write_tiff), "ros2": write_ros2}
+    "fits": _pair_by_pair(write_fits), "tiff": _pair_by_pair(write_tiff), "ros2": write_ros2,
+    "webdataset": write_webdataset, "sceneflow": write_sceneflow}
 
 
 def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:

@@ -19,8 +19,8 @@ from icymoon.stereo.images.exr import read_view
 pytestmark = pytest.mark.filterwarnings("error")
 
 RIG = pairs.camera(192, 96)
-#: Layouts that need what synthetic pairs do not contain, see ``test_field_formats``.
-NEED_POSES = {"cahvor", "colmap", "fits", "tiff", "ros2"}
+#: Layouts that have tests of their own: ``test_field_formats``, whose pairs have poses, and ``test_training``.
+NEED_POSES = {"cahvor", "colmap", "fits", "tiff", "ros2", "webdataset", "sceneflow"}
 SCENES = {"one": pairs.Scene(), "two": pairs.Scene(sky_rows=30, distance_m=3.0)}
 
 

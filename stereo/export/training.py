@@ -1,0 +1,252 @@
+"""The exports ``webdataset`` and ``sceneflow``: lean copies for training, split by scene, with a data card.
+
+Images and disparities are those that the pairs were developed to; what training varies by itself needs no copy, see
+``torch_data``.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import tarfile
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import part_of, write_json, write_text
+from ...render.pairs.pair_folder import EYES
+from ...render.pairs.scene_splits import SPLITS, scene_of, split_of
+from ...system import replace
+from ...version import version
+from ..images.develop import to_8_bit
+from ..images.image_files import encoded, write_bytes
+from ..measure.prepare import Loaded
+from .encodings import KITTI_SCALE, write_pfm
+
+Each = Callable[[Callable[[Loaded], None]], None]
+#: A shard is ended by the pair that takes it beyond this.
+SHARD_BYTES = 1_000_000_000
+#: What stands for an unknown disparity in SceneFlow's layout: loaders take 512 px and more for invalid, and neither NaN
+#: nor infinity, which would spread when they scale the map.
+UNKNOWN_PX = 1e5
+#: Words that loaders replace in whole paths to find the other files of a pair.
+_REPLACED = ("left", "right", "disparity", "frames_cleanpass", "frames_finalpass", ".png")
+_COLUMNS = ("key", "shard", "split", "scene", "width_px", "height_px", "focal_px", "baseline_m", "sun_elevation_deg",
+            "seed", "depth_median_m", "occluded_share")
+
+
+@dataclass
+class _Index:
+    """The pairs that were written, for the index, the data card and Croissant."""
+
+    rows: list[dict[str, Any]] = field(default_factory=list)
+
+    def add(self, pair: Loaded, split: str, shard: str) -> None:
+        """Add a pair in a split and a file."""
+        depth, camera = pair.depth["left"], pair.pair.camera
+        known = np.isfinite(depth)
+        occluded = known & ~pair.visible["left"]
+        self.rows.append({
+            "key": pair.pair.id, "shard": shard, "split": split, "scene": scene_of(pair.pair),
+            "width_px": camera.width_px, "height_px": camera.height_px, "focal_px": camera.focal_px,
+            "baseline_m": camera.baseline_m, "sun_elevation_deg": pair.settings.light.sun_elevation_deg,
+            "seed": pair.settings.dataset.seed,
+            "depth_median_m": round(float(np.median(depth[known])), 4) if known.any() else "",
+            "occluded_share": round(float(occluded.sum() / max(1, known.sum())), 4)})
+
+    def write(self, out: Path) -> None:
+        """Write ``index.csv``."""
+        table = io.StringIO()
+        writer = csv.DictWriter(table, _COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.rows)
+        write_text(out / "index.csv", table.getvalue())
+
+
+def write_webdataset(each: Each, out: Path) -> None:
+    """Write shards ``train-000000.tar`` and so on, ``index.csv``, ``README.md`` and ``croissant.json``.
+
+    Of each pair, by its id: ``left.png``, ``right.png`` (16-bit), ``disparity.png`` (16-bit, 256 steps per px, 0 is
+    unknown), ``visible.png`` (255 where both eyes see the point) and ``camera.json``. A scene is in one split. Raises
+    IcyMoonError if there are shards already.
+    """
+    if any(out.glob("*.tar")):
+        raise IcyMoonError(f"{out} has shards already, and they would mix; remove them or choose another folder.")
+    index, shards = _Index(), _Shards(out)
+
+    def write(pair: Loaded) -> None:
+        split = split_of(scene_of(pair.pair), SPLITS)
+        index.add(pair, split, shards.add(split, pair.pair.id, _files_of(pair)))
+
+    try:
+        each(write)
+    finally:
+        names = shards.close()
+    index.write(out)
+    write_text(out / "README.md", _card(index, "WebDataset shards", (
+        "`wds.WebDataset(\"train-{000000..N}.tar\").decode(\"pil\").to_tuple(\"left.png\", \"right.png\", "
+        "\"disparity.png\")` reads it. Disparity in px is the value of `disparity.png` divided by 256; 0 is unknown.")))
+    write_json(out / "croissant.json", _croissant(out, names))
+
+
+def _files_of(pair: Loaded) -> dict[str, bytes]:
+    """The files of a pair in a shard, by their suffix."""
+    top = 2.0**pair.images.bits - 1
+    found = {}
+    for eye in EYES:
+        image = pair.images.seen(eye)
+        image = image[..., ::-1] if image.ndim == 3 else image
+        found[f"{eye}.png"] = encoded(np.rint(65535 * (image / top)).astype(np.uint16), ".png")
+    steps = np.rint(pair.pair.camera.disparity(pair.depth["left"]) * KITTI_SCALE)
+    with np.errstate(invalid="ignore"):
+        fits = (steps >= 1) & (steps <= 65535)
+    found["disparity.png"] = encoded(np.where(fits, steps, 0).astype(np.uint16), ".png")
+    found["visible.png"] = encoded(pair.visible["left"].astype(np.uint8) * 255, ".png")
+    camera = pair.pair.camera.rectified
+    found["camera.json"] = json.dumps({**camera.to_json(), "scene": scene_of(pair.pair)}).encode()
+    return found
+
+
+class _Shards:
+    """Tar files by split, each written beside its name and renamed when it is whole."""
+
+    def __init__(self, out: Path) -> None:
+        self._out = out
+        self._open: dict[str, tuple[str, Path, tarfile.TarFile]] = {}
+        self._done: list[str] = []
+        self._count: Counter[str] = Counter()
+
+    def add(self, split: str, key: str, files: Mapping[str, bytes]) -> str:
+        """Add the files of a pair; the name of their shard."""
+        if split not in self._open:
+            name = f"{split}-{self._count[split]:06d}.tar"
+            self._count[split] += 1
+            self._out.mkdir(parents=True, exist_ok=True)
+            part = part_of(self._out / name)
+            self._open[split] = name, part, tarfile.open(  # noqa: SIM115
+                part, "w", format=tarfile.USTAR_FORMAT, encoding="utf-8")
+        name, part, archive = self._open[split]
+        for suffix, content in files.items():
+            member = tarfile.TarInfo(f"{key}.{suffix}")  # without a time, so that the same pairs give the same bytes
+            member.size = len(content)
+            archive.addfile(member, io.BytesIO(content))
+        if part.stat().st_size > SHARD_BYTES:
+            self._end(split)
+        return name
+
+    def _end(self, split: str) -> None:
+        name, part, archive = self._open.pop(split)
+        archive.close()
+        replace(part, self._out / name)
+        self._done.append(name)
+
+    def close(self) -> list[str]:
+        """End all shards; their names."""
+        for split in list(self._open):
+            self._end(split)
+        return sorted(self._done)
+
+
+def write_sceneflow(each: Each, out: Path) -> None:
+    """Write the layout of SceneFlow's FlyingThings3D, which loaders of stereo networks read unchanged.
+
+    ``<out>/FlyingThings3D/frames_finalpass/TRAIN/A/0000/left/0000.png`` and so on, the same in ``frames_cleanpass``,
+    ``disparity/TRAIN/A/0000/left/0000.pfm``, and ``<out>/flyingthings_validation.txt``, the disparities of TEST. A
+    folder such as ``0000`` is a scene. Images have 8 bits, unknown disparities are 1e5 px. Raises IcyMoonError if the
+    path of ``out`` has a word that loaders replace.
+    """
+    path = str(out.absolute())
+    if word := next((word for word in _REPLACED if word in path), ""):
+        raise IcyMoonError(f"{out}: loaders replace the word {word} wherever it is in a path, so they would not find "
+                           "the files; choose a folder without it.")
+    index, root = _Index(), out / "FlyingThings3D"
+    numbers: dict[str, Counter[str]] = {}
+    folders: dict[str, dict[str, str]] = {"TRAIN": {}, "TEST": {}}
+    tested = []
+
+    def write(pair: Loaded) -> None:
+        scene = scene_of(pair.pair)
+        split = "TRAIN" if split_of(scene, SPLITS) == "train" else "TEST"
+        folder = folders[split].setdefault(scene, f"{len(folders[split]):04d}")
+        frame = numbers.setdefault(split, Counter())
+        number = f"{frame[folder]:04d}"
+        frame[folder] += 1
+        for eye in EYES:
+            image = pair.images.seen(eye)
+            grey = to_8_bit(image[..., ::-1] if image.ndim == 3 else image, pair.images.bits, pair.images.encoding)
+            content = encoded(grey if grey.ndim == 3 else np.repeat(grey[..., None], 3, axis=-1), ".png")
+            for passed in ("frames_cleanpass", "frames_finalpass"):
+                write_bytes(root / passed / split / "A" / folder / eye / f"{number}.png", content)
+            disparity = pair.pair.camera.disparity(pair.depth[eye])
+            write_pfm(root / "disparity" / split / "A" / folder / eye / f"{number}.pfm",
+                      np.where(np.isfinite(disparity), disparity, UNKNOWN_PX))
+        if split == "TEST":
+            tested.append(f"{split}/A/{folder}/left/{number}.pfm")
+        index.add(pair, split, f"{split}/A/{folder}/{number}")
+
+    each(write)
+    write_text(out / "flyingthings_validation.txt", "".join(f"{line}\n" for line in tested))
+    index.write(out)
+    write_text(out / "README.md", _card(index, "the layout of SceneFlow's FlyingThings3D", (
+        "RAFT-Stereo reads `FlyingThings3D` from its folder of data; IGEV-Stereo takes the folder `FlyingThings3D` "
+        "itself for its `sceneflow`.")))
+
+
+def _card(index: _Index, layout: str, how: str) -> str:
+    """A data card: what the data are, where they are from, and what they are not."""
+    rows = index.rows
+    splits = Counter(row["split"] for row in rows)
+    scenes = {split: len({row["scene"] for row in rows if row["split"] == split}) for split in splits}
+    table = "".join(f"| {split} | {count} | {scenes[split]} |\n" for split, count in sorted(splits.items()))
+    depths = [row["depth_median_m"] for row in rows if row["depth_median_m"] != ""]
+    suns = [row["sun_elevation_deg"] for row in rows]
+    spread = (f"The median depth of a pair is {min(depths):g} to {max(depths):g} m, the Sun stands {min(suns):g} to "
+              f"{max(suns):g} degrees high.\n" if depths else "")
+    return (f"# Stereo pairs of icy moons\n\nMade by Icy Moon {version()}, a simulator; no image here is a photograph. "
+            f"{len(rows)} pairs in {layout}. {how}\n\n| split | pairs | scenes |\n|---|---|---|\n"
+            f"{table}\n{spread}\nA scene, the shape of its ground and rocks, is in one split only. Disparity is exact "
+            "at pixel centres, left column minus right column; sky has none. `index.csv` lists the pairs. What the "
+            "surfaces, the light and the cameras are like, with sources, is in the `pair.json` of the pairs that this "
+            "was made of; what the simulator leaves out is in its manual, *Limits*.\n")
+
+
+def _croissant(out: Path, shards: list[str]) -> dict[str, Any]:
+    """Metadata in Croissant 1.0 (mlcommons.org/croissant/1.0): the index as records, the shards as files."""
+    def file(name: str, kind: str) -> dict[str, Any]:
+        digest = hashlib.sha256()
+        with (out / name).open("rb") as stream:
+            while block := stream.read(1 << 20):
+                digest.update(block)
+        return {"@type": "cr:FileObject", "@id": name, "name": name, "contentUrl": name, "encodingFormat": kind,
+                "sha256": digest.hexdigest()}
+
+    kinds = {"key": "sc:Text", "shard": "sc:Text", "split": "sc:Text", "scene": "sc:Text", "width_px": "sc:Integer",
+             "height_px": "sc:Integer", "seed": "sc:Integer"}
+    fields = [{"@type": "cr:Field", "@id": f"pairs/{name}", "name": name, "dataType": kinds.get(name, "sc:Float"),
+               "source": {"fileObject": {"@id": "index.csv"}, "extract": {"column": name}}} for name in _COLUMNS]
+    return {
+        "@context": {"@language": "en", "@vocab": "https://schema.org/", "sc": "https://schema.org/",
+                     "cr": "http://mlcommons.org/croissant/", "dct": "http://purl.org/dc/terms/",
+                     "citeAs": "cr:citeAs", "column": "cr:column", "conformsTo": "dct:conformsTo",
+                     "data": {"@id": "cr:data", "@type": "@json"},
+                     "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+                     "examples": {"@id": "cr:examples", "@type": "@json"}, "extract": "cr:extract", "field": "cr:field",
+                     "fileObject": "cr:fileObject", "fileProperty": "cr:fileProperty", "fileSet": "cr:fileSet",
+                     "format": "cr:format", "includes": "cr:includes", "isLiveDataset": "cr:isLiveDataset",
+                     "jsonPath": "cr:jsonPath", "key": "cr:key", "md5": "cr:md5", "parentField": "cr:parentField",
+                     "path": "cr:path", "recordSet": "cr:recordSet", "references": "cr:references", "regex": "cr:regex",
+                     "repeated": "cr:repeated", "replace": "cr:replace", "separator": "cr:separator",
+                     "source": "cr:source", "subField": "cr:subField", "transform": "cr:transform"},
+        "@type": "sc:Dataset", "conformsTo": "http://mlcommons.org/croissant/1.0", "name": "icymoon-stereo",
+        "description": f"Stereo pairs of icy moons with exact disparity, made by Icy Moon {version()}.",
+        "version": "1.0.0",
+        "distribution": [file("index.csv", "text/csv"), *(file(name, "application/x-tar") for name in shards)],
+        "recordSet": [{"@type": "cr:RecordSet", "@id": "pairs", "name": "pairs", "field": fields}]}
+

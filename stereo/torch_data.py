@@ -1,0 +1,144 @@
+"""Pairs as training samples: a data set for PyTorch's ``DataLoader`` that develops them on the fly.
+
+A sample depends on its number, the epoch and the seed alone, so it is the same whatever worker makes it and however
+many there are. PyTorch is imported when the first sample is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..physics.random_numbers.seeds import generator
+from ..render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair
+from ..render.pairs.scene_splits import SPLITS, check_splits, scene_of, split_of
+from ..settings.description import check, merged
+from ..settings.preset_files import load_preset
+from ..settings.table import TOPICS
+from ..typed_settings import Settings
+from .images.develop import develop
+from .images.disparity_and_occlusion import scene_depth, visible_in_right
+from .images.exr import GROUP_PASSES, NORMAL_PASSES, OBJECT_PASSES
+from .images.views import read_eye
+
+
+class Dataset:
+    """The pairs of data sets, developed when they are asked for. ``DataLoader`` works on it.
+
+    A sample is a dictionary of tensors: ``left`` and ``right``, float32 (1, H, W), or (3, H, W) of a colour sensor,
+    from 0 to 1; ``disparity_px``, float32 (H, W), 0 where there is none; ``valid``, bool (H, W), where there is one;
+    ``occluded``, bool (H, W), where the right eye does not see its point; ``focal_px``, ``baseline_m``, ``cx_px`` and
+    ``cy_px`` of the crop; and the texts ``pair`` and ``scene``.
+
+    ``split`` is one of ``splits``, the shares of the scenes: pairs of one ground are never in two splits. ``presets``
+    and ``augment`` change the camera response: ``augment={"sensor.read_noise_e": (2, 40)}`` draws each from a range,
+    for every sample and epoch anew. ``crop_px`` is (width, height) of a random window. Raises IcyMoonError for a split
+    that there is not, for settings that need a new render, and if no pair is left.
+    """
+
+    def __init__(self, paths: str | Path | Sequence[str | Path], split: str | None = None, *,
+                 splits: Mapping[str, float] = SPLITS, presets: Sequence[str] = (),
+                 augment: Mapping[str, tuple[float, float]] | None = None, crop_px: tuple[int, int] | None = None,
+                 seed: int = 0) -> None:
+        check_splits(splits)
+        if split is not None and split not in splits:
+            raise IcyMoonError(f"There is no split {split!r}; there are {', '.join(splits)}.")
+        roots = [paths] if isinstance(paths, str | Path) else list(paths)
+        found = [read_pair(folder) for root in roots for folder in find_pair_folders(Path(root))]
+        self.pairs = [pair for pair in found if split is None or split_of(scene_of(pair), splits) == split]
+        if not self.pairs:
+            raise IcyMoonError(f"None of the {len(found)} pairs is in the split {split}; give more scenes, or other "
+                               "splits.")
+        self._response = merged(*(load_preset(name) for name in presets))
+        self._ranges = dict(augment or {})
+        self._crop, self._seed, self._epoch = crop_px, seed, 0
+        for name, (low, high) in self._ranges.items():
+            for value in (low, high):
+                _setting(name, value)
+        _refuse_renders(self._response)
+        if crop_px:
+            self._check_crop(crop_px)
+
+    def _check_crop(self, crop_px: tuple[int, int]) -> None:
+        for pair in self.pairs:
+            if crop_px[0] > pair.camera.width_px or crop_px[1] > pair.camera.height_px or min(crop_px) < 1:
+                raise IcyMoonError(f"{pair.folder} has {pair.camera.width_px} x {pair.camera.height_px} pixels, and "
+                                   f"crop_px is {crop_px[0]} x {crop_px[1]}; give a smaller one.")
+
+    def __repr__(self) -> str:
+        scenes = len({scene_of(pair) for pair in self.pairs})
+        return f"<Dataset of {len(self)} pairs of {scenes} scenes>"
+
+    def __len__(self) -> int:
+        return len(self.pairs)
+
+    def set_epoch(self, epoch: int) -> None:
+        """Draw crops, noise and augmentation of another epoch; before a ``DataLoader`` starts its workers for it."""
+        self._epoch = epoch
+
+    def __getitem__(self, number: int) -> dict[str, Any]:
+        """The sample of this number, the same for the same seed and epoch. Raises IcyMoonError without PyTorch."""
+        try:
+            import torch
+        except ImportError:
+            raise IcyMoonError("Training samples are tensors of PyTorch, which is not here; pip install "
+                               "icymoon[networks].") from None
+
+        number = range(len(self.pairs))[number]
+        found = self.arrays(number)
+        return {key: torch.from_numpy(np.ascontiguousarray(value)) if isinstance(value, np.ndarray) else value
+                for key, value in found.items()}
+
+    def arrays(self, number: int) -> dict[str, Any]:
+        """The sample as NumPy arrays."""
+        pair = self.pairs[number]
+        random = generator(self._seed, "training", self._epoch, int(pair.id, 16))
+        drawn = {name: float(random.uniform(low, high)) for name, (low, high) in self._ranges.items()}
+        settings = merged(pair.settings, self._response, *(_setting(name, value) for name, value in drawn.items()),
+                          {"sensor": {"noise_seed": int(random.integers(2**31 - 1))}})
+        without = (*OBJECT_PASSES, *NORMAL_PASSES, *GROUP_PASSES)
+        light, views = zip(*(read_eye(pair, eye, without) for eye in EYES), strict=True)
+        images = develop(pair, light[0], light[1], settings)
+        top = 2.0**images.bits - 1
+        depth, other = (scene_depth(view) for view in views)
+        disparity = pair.camera.disparity(depth)
+        valid = np.isfinite(disparity)
+        seen = visible_in_right(depth, other, pair.camera, views[0].hidden)
+        found = {"left": images.seen("left") / top, "right": images.seen("right") / top,
+                 "disparity_px": np.where(valid, disparity, 0.0), "valid": valid, "occluded": valid & ~seen}
+        rows, columns, left, upper = self._window(pair, random)
+        shown = {key: value[rows, columns] for key, value in found.items()}
+        for eye in EYES:
+            grey = shown[eye].ndim == 2
+            shown[eye] = (shown[eye][None] if grey else np.moveaxis(shown[eye], -1, 0)).astype(np.float32)
+        shown["disparity_px"] = shown["disparity_px"].astype(np.float32)
+        return {**shown, "focal_px": pair.camera.focal_px, "baseline_m": pair.camera.baseline_m,
+                "cx_px": pair.camera.cx_px - left, "cy_px": pair.camera.cy_px - upper, "pair": pair.id,
+                "scene": scene_of(pair)}
+
+    def _window(self, pair: Pair, random: np.random.Generator) -> tuple[slice, slice, int, int]:
+        """Rows and columns of the crop, and its corner. Both eyes have the same columns, so disparities stay."""
+        width, height = self._crop or (pair.camera.width_px, pair.camera.height_px)
+        left = int(random.integers(pair.camera.width_px - width + 1))
+        upper = int(random.integers(pair.camera.height_px - height + 1))
+        return slice(upper, upper + height), slice(left, left + width), left, upper
+
+
+def _setting(name: str, value: float) -> Settings:
+    """A partial description of one setting that needs no new render. Raises IcyMoonError for any other."""
+    topic, _, key = name.partition(".")
+    whole = topic in TOPICS and any(s.key == key and s.kind == "int" for s in TOPICS[topic].settings)
+    found = check({topic: {key: round(value) if whole else float(value)}}, "augment")
+    _refuse_renders(found)
+    return found
+
+
+def _refuse_renders(settings: Settings) -> None:
+    for topic, values in settings.items():
+        for key in values:
+            if TOPICS[topic][key].effect not in ("response", "run"):
+                raise IcyMoonError(f"{topic}.{key} needs a new render; vary it in a plan, and augment sensor settings.")

@@ -1,0 +1,126 @@
+"""Training copies: read back by their loaders' rules, the same bytes twice, no scene in two splits."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import tarfile
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pairs
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.render.pairs.pair_folder import find_pair_folders, read_pair
+from icymoon.render.pairs.scene_splits import SPLITS, scene_of, split_of
+from icymoon.settings.description import defaults, merged
+from icymoon.stereo.export.layouts import export
+
+RIG = pairs.camera(96, 64)
+SCENE = pairs.Scene(sky_rows=8)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    """Eight pairs of eight scenes, of which some are for training and some are not."""
+    root = tmp_path_factory.mktemp("set")
+    for k in range(8):
+        pairs.write_pair(root / "pairs" / f"{k:012x}", SCENE, RIG,
+                         settings=merged(defaults(), {"dataset": {"seed": k}}))
+    return root
+
+
+def split_by_key(dataset) -> dict[str, str]:
+    found = [read_pair(folder) for folder in find_pair_folders(dataset)]
+    return {pair.id: split_of(scene_of(pair), SPLITS) for pair in found}
+
+
+def test_shards_have_the_pairs_of_their_split_and_give_the_truth_back(dataset, tmp_path):
+    assert export([dataset], "webdataset", tmp_path / "a") == []
+    wanted = split_by_key(dataset)
+    assert len(set(wanted.values())) > 1
+    members = {}
+    for path in (tmp_path / "a").glob("*.tar"):
+        with tarfile.open(path) as archive:
+            for member in archive:
+                key, _, suffix = member.name.partition(".")
+                assert path.name.startswith(wanted[key])
+                members[key, suffix] = archive.extractfile(member).read()
+    assert len(members) == 8 * 5
+
+    def image(key: str, suffix: str) -> np.ndarray:
+        return cv2.imdecode(np.frombuffer(members[key, suffix], np.uint8), cv2.IMREAD_UNCHANGED)
+
+    key = next(iter(wanted))
+    depth = pairs.view(SCENE, RIG, "left")[0]
+    known = np.isfinite(depth)
+    steps = image(key, "disparity.png")
+    assert ((steps > 0) == known).all()
+    assert np.abs(steps / 256 - RIG.disparity(depth))[known].max() <= 0.5 / 256 + 1e-9
+    assert image(key, "left.png").dtype == np.uint16
+    assert json.loads(members[key, "camera.json"])["focal_px"] == RIG.focal_px
+
+
+def test_the_same_pairs_give_the_same_bytes_and_no_mixture(dataset, tmp_path):
+    for name in ("a", "b"):
+        export([dataset], "webdataset", tmp_path / name)
+    for path in (tmp_path / "a").iterdir():
+        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
+    with pytest.raises(IcyMoonError, match="shards already"):
+        export([dataset], "webdataset", tmp_path / "a")
+
+
+def test_croissant_and_the_card_state_what_is_there(dataset, tmp_path):
+    export([dataset], "webdataset", tmp_path)
+    found = json.loads((tmp_path / "croissant.json").read_text(encoding="utf-8"))
+    files = {each["contentUrl"]: each["sha256"] for each in found["distribution"]}
+    assert set(files) == {"index.csv", *(path.name for path in tmp_path.glob("*.tar"))}
+    for name, digest in files.items():
+        assert hashlib.sha256((tmp_path / name).read_bytes()).hexdigest() == digest
+    with (tmp_path / "index.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    columns = [each["source"]["extract"]["column"] for each in found["recordSet"][0]["field"]]
+    assert list(rows[0]) == columns
+    assert {row["key"]: row["split"] for row in rows} == split_by_key(dataset)
+    assert "8 pairs" in (tmp_path / "README.md").read_text(encoding="utf-8")
+
+
+def read_pfm(path: Path) -> np.ndarray:
+    """As the loaders do: header lines, then floats, bottom row first."""
+    with path.open("rb") as stream:
+        assert stream.readline().rstrip() == b"Pf"
+        width, height = map(int, stream.readline().split())
+        order = "<" if float(stream.readline()) < 0 else ">"
+        return np.flipud(np.frombuffer(stream.read(), f"{order}f4").reshape(height, width))
+
+
+def test_sceneflows_loaders_find_and_read_everything(dataset, tmp_path):
+    """The rules of RAFT-Stereo's and IGEV-Stereo's loaders, restated: globs, and words replaced in whole paths."""
+    root = tmp_path / "copy"
+    assert export([dataset], "sceneflow", root) == []
+    count = {"TRAIN": 0, "TEST": 0}
+    for split in count:
+        for passed in ("frames_cleanpass", "frames_finalpass"):
+            lefts = sorted((root / "FlyingThings3D" / passed / split).glob("*/*/left/*.png"))
+            count[split] = len(lefts)
+            for left in map(str, lefts):
+                right = left.replace("left", "right")
+                disparity = read_pfm(Path(left.replace(passed, "disparity").replace(".png", ".pfm")))
+                assert cv2.imread(left, cv2.IMREAD_UNCHANGED).shape == cv2.imread(right).shape == (64, 96, 3)
+                assert np.isfinite(disparity).all()
+                valid = np.abs(disparity) < 512
+                depth = pairs.view(SCENE, RIG, "left")[0]
+                assert (valid == np.isfinite(depth)).all()
+                assert disparity[valid] == pytest.approx(RIG.disparity(depth)[valid], rel=1e-6)
+    wanted = list(split_by_key(dataset).values())
+    assert count == {"TRAIN": wanted.count("train"), "TEST": 8 - wanted.count("train")}
+    listed = (root / "flyingthings_validation.txt").read_text(encoding="utf-8").split()
+    assert len(listed) == count["TEST"]
+    assert all((root / "FlyingThings3D" / "disparity" / line).is_file() for line in listed)
+
+
+def test_a_folder_that_loaders_would_rename_is_refused(dataset, tmp_path):
+    with pytest.raises(IcyMoonError, match="the word left"):
+        export([dataset], "sceneflow", tmp_path / "left_over")
