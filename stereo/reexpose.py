@@ -89,7 +89,7 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
 
 def _images_by_name(images: Images, sensor_bits: int) -> dict[str, np.ndarray]:
     """The images to write, by name; those of 8 bits are uint8, and those in colour in the order B, G, R."""
-    named = {eye: (images.seen(eye)[..., ::-1] if images.is_mosaic else images.seen(eye), images.bits) for eye in EYES}
+    named = {eye: (images.for_files(eye), images.bits) for eye in EYES}
     if images.detected_left is not images.left:
         kind = "mosaic" if images.is_mosaic else "distorted"
         named |= {f"{eye}_{kind}": (getattr(images, f"detected_{eye}"), images.bits) for eye in EYES}

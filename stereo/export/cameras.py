@@ -54,7 +54,7 @@ def write_cahvor(pair: Loaded, out: Path) -> None:
     for eye in EYES:
         pose = pose_of(pair, eye)
         named: dict[str, tuple[np.ndarray, tuple[float, ...], np.ndarray]] = {
-            eye: (getattr(images, eye), (), np.eye(3))}
+            eye: (images.for_files(eye), (), np.eye(3))}
         if any(k) or camera.toe_in_deg:
             named[f"{eye}_sensor"] = (getattr(images, f"detected_{eye}"), k, camera.eye_rotation(eye))
         for name, (image, distortion, turn) in named.items():
@@ -121,10 +121,10 @@ def _add_pair(model: _Model, pair: Loaded, folder: Path) -> None:
     points = _points(pair, rows, columns)
     first_image, first_point = len(model.images) // 2 + 1, len(model.points) + 1
     where = {"left": columns + 0.5, "right": right_columns}
-    grey = to_8_bit(pair.images.left, pair.images.bits, pair.images.encoding)
+    seen = {eye: to_8_bit(pair.images.for_files(eye), pair.images.bits, pair.images.encoding) for eye in EYES}
     for k, eye in enumerate(EYES):
         name = f"{pair.pair.folder.name}_{eye}.png"
-        write_png(folder / "images" / name, to_8_bit(getattr(pair.images, eye), pair.images.bits, pair.images.encoding))
+        write_png(folder / "images" / name, seen[eye])
         pose = pose_of(pair, eye)
         rotation = pose[:3, :3].T
         placed = [*quaternion(rotation), *(-rotation @ pose[:3, 3])]
@@ -137,10 +137,9 @@ def _add_pair(model: _Model, pair: Loaded, folder: Path) -> None:
             "fl_y": camera.focal_px, "cx": camera.cx_px, "cy": camera.cy_px,
             **dict.fromkeys(("k1", "k2", "p1", "p2"), 0.0)})
     for n, point in enumerate(points):
-        level = int(grey[rows[n], columns[n]])
+        blue, green, red = np.broadcast_to(seen["left"][rows[n], columns[n]], 3).tolist()
         place = " ".join(map(repr, map(float, point)))
-        model.points.append(f"{first_point + n} {place} {level} {level} {level} 0 {first_image} {n} {first_image + 1} "
-                            f"{n}")
+        model.points.append(f"{first_point + n} {place} {red} {green} {blue} 0 {first_image} {n} {first_image + 1} {n}")
 
 
 def _chosen(pair: Loaded) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

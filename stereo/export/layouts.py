@@ -103,8 +103,7 @@ def _disparity(pair: Loaded, eye: str) -> np.ndarray:
 
 def _image(pair: Loaded, eye: str) -> np.ndarray:
     """The image of an eye, grey (H, W) or in colour (H, W, 3) in the order B, G, R."""
-    image = pair.images.seen(eye)
-    return image[..., ::-1] if image.ndim == 3 else image
+    return pair.images.for_files(eye)
 
 
 def _write_8_bit(path: Path, pair: Loaded, eye: str) -> None:

@@ -26,7 +26,8 @@ _SECOND = 1_000_000_000
 
 def write_ros2(each: Callable[[Callable[[Loaded], None]], None], out: Path) -> None:
     """Write the bag ``<out>/pairs`` (MCAP): ``/stereo/left/image_rect``, ``/stereo/left/camera_info``, the same of the
-    right eye, ``/stereo/disparity``, ``/stereo/points2`` and ``/tf``.
+    right eye, of a colour sensor ``/stereo/left/image_rect_color`` too, ``/stereo/disparity``, ``/stereo/points2`` and
+    ``/tf``.
 
     Raises IcyMoonError without the package rosbags, and if there is a bag already.
     """
@@ -65,11 +66,11 @@ def messages_of(pair: Loaded, types: Any, second: int) -> Iterator[tuple[str, An
         return kinds["std_msgs/msg/Header"](stamp=stamp, frame_id=frame)
 
     def image(pixels: np.ndarray, encoding: str, frame: str) -> Any:
-        rows, columns = pixels.shape
+        rows, columns = pixels.shape[:2]
         data = np.ascontiguousarray(pixels, pixels.dtype.newbyteorder("<"))
         return kinds["sensor_msgs/msg/Image"](
             header=header(frame), height=rows, width=columns, encoding=encoding, is_bigendian=0,
-            step=columns * pixels.dtype.itemsize, data=np.frombuffer(data.tobytes(), np.uint8))
+            step=pixels[0].size * pixels.dtype.itemsize, data=np.frombuffer(data.tobytes(), np.uint8))
 
     for k, eye in enumerate(EYES):
         numbers = getattr(pair.images, eye)
@@ -77,6 +78,11 @@ def messages_of(pair: Loaded, types: Any, second: int) -> Iterator[tuple[str, An
         yield f"/stereo/{eye}/image_rect", image(
             to_8_bit(numbers, 8, pair.images.encoding) if eight else numbers.astype(np.uint16),
             "mono8" if eight else "mono16", FRAMES["left"])
+        if pair.images.is_mosaic:
+            colours = pair.images.seen(eye)
+            yield f"/stereo/{eye}/image_rect_color", image(
+                to_8_bit(colours, 8, pair.images.encoding) if eight else colours.astype(np.uint16),
+                "rgb8" if eight else "rgb16", FRAMES["left"])
         # The principal point is counted from the centre of the first pixel there.
         matrix = np.array(camera.matrix)
         matrix[:2, 2] -= 0.5

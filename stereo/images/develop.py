@@ -82,6 +82,11 @@ class Images:
             return colours
         return self.left if eye == "left" else self.right
 
+    def for_files(self, eye: str) -> np.ndarray:
+        """The same in the order B, G, R, in which OpenCV writes colours."""
+        image = self.seen(eye)
+        return image[..., ::-1] if image.ndim == 3 else image
+
     def for_matchers(self) -> tuple[np.ndarray, np.ndarray]:
         """Left and right as uint8, the only type that OpenCV's matchers take; more bits are scaled down."""
         return to_8_bit(self.left, self.bits, self.encoding), to_8_bit(self.right, self.bits, self.encoding)

@@ -122,6 +122,18 @@ def test_colmap_projects_its_points_onto_its_pixels(dataset, tmp_path):
         assert (root / "scene-0000" / frames[k]["file_path"]).is_file()
 
 
+def test_a_colour_sensor_gives_colours_to_images_and_points(dataset, tmp_path):
+    # Without white balance grey ground is not grey.
+    colour = {"sensor": {"colour": "BAYER", "white_balance": "NONE"}}
+    for kind, name in (("cahvor", "left.png"), ("colmap", "0123456789ab_left.png")):
+        assert export([dataset], kind, tmp_path / kind, colour) == []
+        image = cv2.imread(str(next((tmp_path / kind).rglob(name))), cv2.IMREAD_UNCHANGED)
+        assert np.ptp(image, axis=-1).max() > 20
+    lines = next((tmp_path / "colmap").rglob("points3D.txt")).read_text(encoding="utf-8").splitlines()
+    levels = np.array([line.split()[4:7] for line in lines if line and line[0] != "#"], int)
+    assert np.ptp(levels, axis=1).max() > 20
+
+
 def test_quaternions_are_those_of_their_rotations():
     for turn in np.linspace(-3, 3, 9):
         m = pose("left", turn)[:3, :3]
