@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 
 from ...errors import IcyMoonError
-from ...settings import changes
+from ...settings import pair_ids
+from ...settings.table import TOPICS
 from .pair_folder import Pair
 
 #: Shares of the scenes in each split.
@@ -20,8 +22,15 @@ def scene_of(pair: Pair) -> str:
     The seed is a part of it. Surfaces, light, cameras and qualities are not: another Sun makes no other scene.
     """
     own = pair.id if pair.data.get("edited_by_hand") else pair.data.get("own_files_sha256", "")
-    shape = [changes.geometry(pair.settings), own]
-    return hashlib.sha256(json.dumps(shape, sort_keys=True).encode()).hexdigest()[:12]
+    # As ids are made: a setting that a later version adds moves no scene into another split.
+    shape = [[name, value] for part in pair_ids.counted(pair.settings) for name, value in part if _is_shape(name)]
+    return hashlib.sha256(json.dumps([shape, own], sort_keys=True).encode()).hexdigest()[:12]
+
+
+def _is_shape(name: str) -> bool:
+    """Whether the shape of ground and rocks depends on a setting, or on an entry of its list."""
+    topic, key, *_ = re.split(r"[. ]", pair_ids.present_name(name))
+    return topic in TOPICS and any(s.key == key and s.effect == "geometry" for s in TOPICS[topic].settings)
 
 
 def check_splits(splits: Mapping[str, float]) -> dict[str, float]:

@@ -13,7 +13,7 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.render.pairs.pair_folder import find_pair_folders, read_pair
+from icymoon.render.pairs.pair_folder import Pair, find_pair_folders, read_pair
 from icymoon.render.pairs.scene_splits import SPLITS, scene_of, split_of
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export.layouts import export
@@ -24,11 +24,15 @@ SCENE = pairs.Scene(sky_rows=8)
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
-    """Eight pairs of eight scenes, of which some are for training and some are not."""
+    """Eight pairs of eight scenes, two of them not for training."""
     root = tmp_path_factory.mktemp("set")
-    for k in range(8):
-        pairs.write_pair(root / "pairs" / f"{k:012x}", SCENE, RIG,
-                         settings=merged(defaults(), {"dataset": {"seed": k}}))
+    wanted = {True: 6, False: 2}
+    for k in range(200):
+        settings = merged(defaults(), {"dataset": {"seed": k}})
+        trained = split_of(scene_of(Pair(root, "0" * 12, settings, RIG, {})), SPLITS) == "train"
+        if wanted[trained]:
+            wanted[trained] -= 1
+            pairs.write_pair(root / "pairs" / f"{k:012x}", SCENE, RIG, settings=settings)
     return root
 
 

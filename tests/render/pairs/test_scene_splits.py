@@ -1,0 +1,37 @@
+"""Scenes and splits: what makes a scene another one, and that later versions move none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from icymoon.render.pairs.pair_folder import Pair, StereoCamera
+from icymoon.render.pairs.scene_splits import scene_of
+from icymoon.settings import pair_ids
+from icymoon.settings.description import defaults, merged
+
+
+def pair(**changes) -> Pair:
+    """A pair of the values that older versions had, and changes."""
+    old = {topic: {key: value} for name, value in pair_ids.SCHEMA["later"].items() if name.count(".") == 1
+           for topic, key in [name.split(".")]}
+    settings = merged(defaults(), *({topic: values} for topic, values in old.items()), changes)
+    return Pair(Path(), "0" * 12, settings, StereoCamera.from_settings(settings.rig), {})
+
+
+@pytest.mark.parametrize(("changes", "same"), [
+    ({"light": {"sun_elevation_deg": 3.0}}, True), ({"rig": {"heading_deg": 90.0}}, True),
+    ({"surface": {"albedo": 0.2}}, True), ({"quality": {"samples": 7}}, True), ({"dataset": {"seed": 99}}, False),
+    ({"terrain": {"hurst": 0.31}}, False), ({"rocks": {"coverage": 0.02}}, False),
+    ({"terrain": {"variant": 3}}, False)])
+def test_only_the_shape_of_ground_and_rocks_makes_another_scene(changes, same):
+    assert (scene_of(pair(**changes)) == scene_of(pair())) == same
+
+
+
+def test_a_setting_of_a_later_version_moves_no_scene(monkeypatch):
+    """A setting counts in no scene where it has the value that stands for versions without it."""
+    old = scene_of(pair())
+    monkeypatch.setitem(pair_ids.SCHEMA["later"], "terrain.variant", 5)
+    assert scene_of(pair(terrain={"variant": 5})) == old
+    assert scene_of(pair(terrain={"variant": 0})) != old
