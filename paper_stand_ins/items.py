@@ -105,7 +105,7 @@ TEXTURES = (
     TextureItem(8, "LUMPY_SNOW", "Lumpy Snow", "Snow005", _SET, 1.5, 0.85),
     TextureItem(9, "FIRN", "Firn", "Snow009B", _SET, 0.8, 0.80),
     TextureItem(10, "GLACIER_ICE", "Glacier Ice", "ice_0001", _SET_AO, 2.0, 0.60, occluded=True),
-    TextureItem(11, "MIXED_SNOW", "Snow with Ice Chips", "Snow_Mixed_ud4lfh2r", _SET_AO_T, 1.5, 0.75, transmission=True,
+    TextureItem(11, "MIXED_SNOW", "Snow and Ice Chips", "Snow_Mixed_ud4lfh2r", _SET_AO_T, 1.5, 0.75, transmission=True,
                 occluded=True),
     TextureItem(12, "SETTLED_SNOW", "Settled Snow", "Snow_Pure_ueiqbiefw", _SET_AO_T, 1.5, 0.85, transmission=True,
                 occluded=True),
@@ -141,7 +141,7 @@ MESHES = (
     MeshItem(8, "GAEA_RIDGY", "Ridges", "gaea_ridgy_terrain", _GAEA, 40.0, 40000, 0, ((0.0, 1.0),)),
     MeshItem(9, "GAEA_ROCKY_PERLIN", "Rocky Swells", "gaea_rockyPerlin", _GAEA, 40.0, 40000, 0, ((0.0, 0.0),)),
     MeshItem(10, "GAEA_ROCKY", "Rocky Terrain", "gaea_rockyTerrain", _GAEA, 40.0, 40000, 0, ((0.0, 0.0),)),
-    MeshItem(11, "MATANUSKA_PLAYGROUND", "Ice with Melt Channels", "matanuska_playgroundb",
+    MeshItem(11, "MATANUSKA_PLAYGROUND", "Ice with Channels", "matanuska_playgroundb",
              "an image for a mesh of that name, which no configuration uses; not published", 32.0, 40000, 4,
              ((0.0, 0.0),)),
 )

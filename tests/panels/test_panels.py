@@ -94,8 +94,8 @@ def test_every_operator_is_on_a_button_or_in_a_menu(small, measured, running, mo
 CHOICES = ({}, {"source.kind": "MESH", "source.detail": True}, {"source.kind": "HEIGHT_MAP"}, {"mesh.kind": "GRID"},
            {"surface.model": "LUNAR_LAMBERT", "rock_surface.model": "LUNAR_LAMBERT"}, {"surface.model": "HAPKE"},
            {"surface.ice_colour": "SNOW", "rock_surface.ice_colour": "SNOW"}, {"rocks.law": "TABLE"},
-           {"sensor.colour": "BAYER"}, {"textures.set": "OWN"}, {"light.directions_from": "KERNELS"},
-           {"dataset.plan": "//plan.toml"})
+           {"sensor.colour": "BAYER"}, {"textures.set": "OWN"}, {"textures.set": "STAND_IN", "source.kind": "STAND_IN"},
+           {"light.directions_from": "KERNELS"}, {"dataset.plan": "//plan.toml"})
 
 
 def set_choices(root: object, chosen: dict) -> None:
