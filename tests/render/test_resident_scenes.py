@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from icymoon import IcyMoonError, Scene
 
+pytestmark = pytest.mark.heavy  # a Blender or two are started, or scenes built
+
 TINY: Any = {"rig": {"width_px": 48, "height_px": 36}, "terrain": {"resolution": 33}, "mesh": {"kind": "GRID"},
              "quality": {"samples": 2, "threads": 1, "truth": "DEPTH"}}
 

@@ -100,6 +100,7 @@ def test_what_cannot_be_is_refused_before_training(dataset, options, words):
         Dataset(dataset, **options)
 
 
+@pytest.mark.heavy
 def test_a_loader_with_workers_gives_the_same_tensors(dataset):
     torch = pytest.importorskip("torch")
     import icymoon
