@@ -16,6 +16,7 @@ from types import TracebackType
 #: Verbs that are programs of their own: what they import must not be needed by the others.
 _PROGRAMS = {"stereo": "stereo.cli", "worker": "render.worker",
              "resident-worker": "render.resident_worker", "assets": "render.asset_worker",
+             "geometry": "render.geometry_worker",
              "probe": "render.probe_blender", "measure": "stereo.measuring_processes",
              "install": "stereo.environment.install"}
 #: Those that run in Blender.

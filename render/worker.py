@@ -97,7 +97,7 @@ def _render_one(source: FixedScene | ScenesFromSettings, planned: PlannedPair, d
          seconds=round(time.perf_counter() - start, 2))
 
 
-def _pairs_of_job(job: dict[str, Any]) -> list[PlannedPair]:
+def pairs_of_job(job: dict[str, Any]) -> list[PlannedPair]:
     """The pairs of a job, with the threads that it states."""
     if job.get("pairs"):
         described = [(checked_id(pair["id"], "The job"), restored(pair["settings"], "job"))
@@ -129,7 +129,7 @@ def run_job(job: dict[str, Any], send: Send = emit) -> None:
         built, frame, pairs = _open_blend(job)
         render_pairs(built, pairs, dataset, frame, 0.0, send, again)
     else:
-        pairs = _pairs_of_job(job)
+        pairs = pairs_of_job(job)
         with ScenesFromSettings(lambda warning: send("warning", message=warning), _repeat_text(job)) as source:
             render_from(source, pairs, dataset, send, again, bool(job.get("pairs")))
     send("done", folders=[str(pair.folder(dataset)) for pair in pairs if is_complete(pair.folder(dataset))])

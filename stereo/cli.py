@@ -11,7 +11,7 @@ from contextlib import nullcontext
 from typing import Any
 
 from ..errors import IcyMoonError
-from ..terminal import as_path, report_end, show_counted_progress
+from ..terminal import as_path, report_end, show_counted_progress, show_progress
 from .environment import packages
 
 PROGRAM = "icymoon.stereo"
@@ -87,13 +87,15 @@ def _parser() -> argparse.ArgumentParser:
     what = command.add_mutually_exclusive_group(required=True)
     what.add_argument("--format", help="layout to write",
                       choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco", "raw", "cahvor", "colmap",
-                               "fits", "tiff", "ros2", "webdataset", "sceneflow"))
+                               "fits", "tiff", "ros2", "webdataset", "sceneflow", "mitsuba"))
     what.add_argument("--for-prediction", action="store_true",
                       help="write only what a method on another machine needs: images and camera of each pair, foreign "
                       "ones too")
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                          help="change the camera response that the pairs were rendered for")
     command.add_argument("--out", required=True, type=as_path, help="folder for the files")
+    command.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy, that makes the "
+                         "meshes for mitsuba (this Python)")
     command.set_defaults(run=_run_export)
 
     command = commands.add_parser("develop", help="expose rendered pairs again as PNG, without a new render")
@@ -244,12 +246,31 @@ def _run_export(parsed: argparse.Namespace) -> int:
     from .export.layouts import export
     from .for_prediction import export_for_prediction
 
+    if parsed.format == "mitsuba":
+        return _export_mitsuba(parsed)
     response = _read_response([], parsed.set)
     with show_counted_progress("Exporting") as on_event:
         failed = (export_for_prediction(parsed.path, parsed.out, response, on_event) if parsed.for_prediction else
                   export(parsed.path, parsed.format, parsed.out, response, on_event))
     if failed:
         raise IcyMoonError(f"{len(failed)} of the pairs could not be exported, the first one: {failed[0]}")
+    print(parsed.out.resolve())
+    return 0
+
+
+def _export_mitsuba(parsed: argparse.Namespace) -> int:
+    from ..physics.light.sky import sky
+    from ..render.pairs.pair_folder import read_pair
+    from .export.mitsuba import export_mitsuba, find_left_out
+    from .measure.prepare import distinct_pairs
+
+    pairs = [read_pair(folder) for folder in distinct_pairs(parsed.path)]
+    for pair in pairs:
+        for sentence in find_left_out(pair.settings, sky(pair.settings.light)):
+            print(f"icymoon: pair {pair.id}: {sentence}", file=sys.stderr)
+    with show_progress("Starting Blender") as show:
+        export_mitsuba(pairs, parsed.out, parsed.blender,
+                       lambda message: show(message) if message["type"] == "progress" else None)
     print(parsed.out.resolve())
     return 0
 

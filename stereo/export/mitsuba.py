@@ -1,0 +1,244 @@
+"""The export ``mitsuba``: the scene of a pair for the renderer Mitsuba 3.
+
+``<out>/<pair>/`` gets ``scene_left.xml`` and ``scene_right.xml``, which Mitsuba loads as they are, PLY files of the
+evaluated ground and rocks, ``planet.pfm`` if a planet gives light, ``mitsuba_hapke.py`` for Hapke's law, and
+``export.json``, which lists what the scene lacks.
+
+The scene is built again from the settings of the pair, in Blender, to get its meshes. It has the camera of each eye,
+the Sun's disc as a far disk, the planet's light as a map of the sky, and Lambert's or Hapke's law. The film has a
+Gaussian filter that is as wide as that of Cycles here. Radiance has the unit of the pair, W/(m² sr).
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import write_json, write_text
+from ...physics.light.planetshine import VisibleCap, irradiance_wm2
+from ...physics.light.sky import Sky, sky
+from ...physics.surfaces.hapke import porosity_factor
+from ...render.pairs.pair_folder import EYES, Pair
+from ...render.plans.planned_pair import PlannedPair
+from ...render.workers.job import Job, blender_command
+from ...render.workers.process import Message, Process
+from ...scratch import scratch_folder
+from ...typed_settings import Settings
+from ...version import ROOT
+from .encodings import write_pfm
+
+#: Distance of the Sun's disk in metres, from where all of a ground sees it in the same direction.
+_SUN_M = 1e9
+#: Rows of the map of the sky: 0.1 degrees, a three-hundredth of Saturn's disc.
+_SKY_ROWS = 1800
+#: Standard deviation of the filter in pixels: that of a Blackman-Harris window 1.5 pixels wide, which Cycles has.
+_FILTER_PX = 0.2
+#: Depth without Russian roulette, which would only add noise.
+_ALWAYS = 1000
+
+Plugin = dict[str, Any]
+
+
+def export_mitsuba(pairs: Sequence[Pair], out: Path, blender: str,
+                   hear: Callable[[Message], None] = lambda message: None) -> list[Path]:
+    """Write the scenes of pairs to ``<out>/<pair>/`` and return these folders.
+
+    Raises IcyMoonError if a pair cannot be exported: one that was edited by hand, or has no pinhole camera.
+    """
+    for pair in pairs:
+        _refuse(pair)
+    write_geometry(pairs, out, blender, hear)
+    return [write_scene(pair, out / pair.id) for pair in pairs]
+
+
+def _refuse(pair: Pair) -> None:
+    if pair.data.get("edited_by_hand"):
+        raise IcyMoonError(f"{pair.folder} was edited by hand, so its meshes cannot be built again from its settings; "
+                           "export a pair that was rendered from settings.")
+    if pair.camera.toe_in_deg or pair.camera.rendered_px != (pair.camera.width_px, pair.camera.height_px):
+        raise IcyMoonError(f"{pair.folder} has toe-in or overscan, which this export has not; render it without "
+                           "rig.toe_in_deg and rig.overscan.")
+
+
+def write_geometry(pairs: Sequence[Pair], out: Path, blender: str, hear: Callable[[Message], None]) -> None:
+    """Let Blender write the meshes of pairs to ``<out>/<pair>/``. Raises IcyMoonError with its own sentence."""
+    planned = [PlannedPair(pair.id, pair.settings, 0.0) for pair in pairs]
+    failure = ""
+    with scratch_folder() as scratch:
+        job = Job(scratch, pairs=planned)
+        try:
+            process = Process(blender_command(blender, "geometry", str(job.file), str(out.absolute())))
+            done = False
+            try:
+                for message in process.wait_for_messages():
+                    hear(message)
+                    failure = message["message"] if message["type"] == "error" else failure
+                    done = done or message["type"] == "done"
+            finally:
+                process.stop()
+        finally:
+            job.discard()
+    if failure or not done:
+        raise IcyMoonError(failure or f"Blender ended without geometry: {process.last_line}")
+
+
+def write_scene(pair: Pair, folder: Path) -> Path:
+    """Write the scene files of a pair beside its meshes, and return the folder."""
+    settings, shown = pair.settings, sky(pair.settings.light)
+    left_out = find_left_out(settings, shown)
+    meshes = [kind for kind in ("terrain", "rock") if (folder / f"{kind}.ply").is_file()]
+    if settings.surface.model == "HAPKE":
+        shutil.copyfile(ROOT / "stereo" / "adapters" / "mitsuba_hapke.py", folder / "mitsuba_hapke.py")
+    shared: dict[str, Plugin] = {
+        "integrator": {"type": "path", "max_depth": int(settings.quality.diffuse_bounces) + 2, "rr_depth": _ALWAYS,
+                       "hide_emitters": True},
+        **{kind: {"type": "ply", "filename": f"{kind}.ply", "bsdf": _surface(settings, kind)} for kind in meshes},
+        **_lights(pair, shown, folder)}
+    for eye in EYES:
+        write_text(folder / f"scene_{eye}.xml", _to_xml({**shared, "sensor": _camera(pair, eye)}))
+    write_json(folder / "export.json", {"pair": pair.id, "meshes": meshes, "left_out": left_out,
+                                        "unit": "W/(m² sr)"})
+    return folder
+
+
+def find_left_out(settings: Settings, shown: Sky) -> list[str]:
+    """What of a pair the export lacks, a sentence each."""
+    found = []
+    for topic in ("surface", "rock_surface") if settings.rocks.own_surface else ("surface",):
+        surface = settings[topic]
+        if surface["model"] not in ("LAMBERT", "HAPKE"):
+            found.append(f"{topic}.model {surface['model']} is exported as Lambert's law with the same albedo.")
+        if surface["grain_amplitude_m"]:
+            found.append(f"{topic}.grain_amplitude_m: relief that the mesh does not have is left out.")
+        for key in ("albedo_variation", "salt_share", "slope_dirt"):
+            if surface.get(key):
+                found.append(f"{topic}.{key} is left out.")
+    if settings.textures.set != "NONE":
+        found.append("Images (textures.set) are left out.")
+    if shown.planet is not None and shown.planet.rings:
+        found.append("Saturn's rings are left out; their shadow on the planet is not.")
+    if settings.light.stars:
+        found.append("Stars are left out.")
+    return found
+
+
+def _surface(settings: Settings, kind: str) -> Plugin:
+    surface = settings.rock_surface if kind == "rock" and settings.rocks.own_surface else settings.surface
+    if surface.model != "HAPKE":
+        return {"type": "diffuse", "reflectance": [float(surface.albedo)] * 3}
+    hapke = settings.hapke
+    return {"type": "icymoon_hapke", **{key: float(hapke[key]) for key in (
+        "w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "theta_bar_deg")},
+        "k": float(porosity_factor(hapke.filling_factor)), "h_function": int(hapke.h_function)}
+
+
+def _camera(pair: Pair, eye: str) -> Plugin:
+    """Mitsuba's camera looks along z with x to the left and y up; that of a pair has x to the right and y down."""
+    camera = pair.camera
+    pose = np.array(pair.data["poses_camera_to_world"][eye]) @ np.diag([-1.0, -1.0, 1.0, 1.0])
+    return {"type": "perspective", "fov_axis": "x",
+            "fov": math.degrees(2 * math.atan(camera.width_px / 2 / camera.focal_px)),
+            "principal_point_offset_x": camera.cx_px / camera.width_px - 0.5,
+            "principal_point_offset_y": camera.cy_px / camera.height_px - 0.5,
+            "near_clip": 1e-3, "far_clip": 1e7, "to_world": pose,
+            "sampler": {"type": "independent", "sample_count": int(pair.settings.quality.samples)},
+            "film": {"type": "hdrfilm", "width": camera.width_px, "height": camera.height_px, "pixel_format": "rgb",
+                     "component_format": "float32", "rfilter": {"type": "gaussian", "stddev": _FILTER_PX}}}
+
+
+def _lights(pair: Pair, shown: Sky, folder: Path) -> dict[str, Plugin]:
+    found: dict[str, Plugin] = {}
+    sun = pair.data["light"]["sun"]
+    energy = float(sun["irradiance_wm2"]) * (1.0 - float(sun.get("eclipse", 0.0)))
+    if energy > 0 and shown.sun_is_up:
+        found["sun"] = _sun(np.array(sun["direction_to_world"]), energy, float(sun["angular_diameter_deg"]))
+    if shown.planet is not None and shown.planet_is_up and irradiance_wm2(shown.planet) > 0:
+        write_pfm(folder / "planet.pfm", _sky_map(VisibleCap(shown.planet)))
+        # Its pole is y, and the middle of its columns looks along z, which is north here.
+        found["planet"] = {"type": "envmap", "filename": "planet.pfm", "to_world": _SKY_TO_WORLD}
+    return found
+
+
+def _sun(direction: np.ndarray, energy: float, diameter_deg: float) -> Plugin:
+    if diameter_deg == 0:
+        return {"type": "directional", "direction": [float(-axis) for axis in direction], "irradiance": [energy] * 3}
+    half = math.radians(diameter_deg / 2)
+    z = -direction / np.linalg.norm(direction)
+    x = np.cross([0.0, 0.0, 1.0] if abs(z[2]) < 0.9 else [1.0, 0.0, 0.0], z)
+    x /= np.linalg.norm(x)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([x, np.cross(z, x), z], axis=1) @ np.diag([*[_SUN_M * math.tan(half)] * 2, 1.0])
+    matrix[:3, 3] = -_SUN_M * z
+    return {"type": "disk", "to_world": matrix,
+            "emitter": {"type": "area", "radiance": [energy / (math.pi * math.sin(half) ** 2)] * 3}}
+
+
+#: From the axes of Mitsuba's map of the sky, whose y is up, to ours.
+_SKY_TO_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
+
+
+def _sky_map(seen: VisibleCap) -> np.ndarray:
+    """Radiance (rows, 2 rows, 3) of the planet by direction, as Mitsuba's ``envmap`` reads it; 0 below the horizon."""
+    rows = _SKY_ROWS
+    # Mitsuba: u = atan2(x, -z) / 2π over the columns, v = acos(y) / π from the middle of the first row to that of the
+    # last.
+    polar = np.arange(rows) / (rows - 1) * math.pi
+    around = (np.arange(2 * rows) + 0.5) / rows * math.pi
+    x, z = np.sin(around) * np.sin(polar)[:, None], -np.cos(around) * np.sin(polar)[:, None]
+    y = np.broadcast_to(np.cos(polar)[:, None], x.shape)
+    ray = np.stack([x, y, z], axis=-1) @ _SKY_TO_WORLD[:3, :3].T
+    planet, shape = seen.planet, seen.shape
+    radiance = np.zeros((*x.shape, 3), np.float32)
+    near = (ray @ planet.direction > math.cos(math.radians(planet.angular_diameter_deg) * 0.51)) & (ray[..., 2] > 0)
+    way = ray[near] @ shape.stretch.T / shape.radius
+    a, b = (way * way).sum(-1), way @ shape.observer
+    inside = b * b - a * (shape.observer @ shape.observer - 1)
+    point = (-(b + np.sqrt(np.maximum(inside, 0.0))) / a)[:, None] * way + shape.observer
+    radiance[near] = np.where((inside > 0) & (b < 0), seen.radiance(point), 0.0)[:, None]
+    return radiance
+
+
+_KINDS = {"integrator": "integrator", "sensor": "sensor", "sampler": "sampler", "film": "film", "rfilter": "rfilter",
+          "bsdf": "bsdf", "emitter": "emitter", "planet": "emitter"}
+
+
+def _to_xml(scene: dict[str, Plugin]) -> str:
+    lines = ['<scene version="3.0.0">']
+    for name, plugin in scene.items():
+        kind = "shape" if plugin["type"] in ("ply", "disk") else _KINDS.get(name, "emitter")
+        lines += _plugin_xml(kind, plugin, name, 1)
+    return "\n".join([*lines, "</scene>", ""])
+
+
+def _plugin_xml(kind: str, plugin: Plugin, name: str, depth: int) -> list[str]:
+    space = "  " * depth
+    identity = f" id={quoteattr(name)}" if depth == 1 else ""
+    lines = [f"{space}<{kind} type={quoteattr(plugin['type'])}{identity}>"]
+    for key, value in plugin.items():
+        if key != "type":
+            lines += _value_xml(key, value, depth + 1)
+    return [*lines, f"{space}</{kind}>"]
+
+
+def _value_xml(key: str, value: Any, depth: int) -> list[str]:
+    space, name = "  " * depth, f"name={quoteattr(key)}"
+    if isinstance(value, dict):
+        return _plugin_xml(_KINDS[key], value, key, depth)
+    if isinstance(value, np.ndarray):
+        numbers = " ".join(f"{number:.17g}" for number in value.ravel())
+        return [f"{space}<transform {name}><matrix value=\"{numbers}\"/></transform>"]
+    if isinstance(value, bool):
+        return [f"{space}<boolean {name} value=\"{str(value).lower()}\"/>"]
+    if isinstance(value, list):
+        kind = "vector" if key == "direction" else "rgb"
+        return [f"{space}<{kind} {name} value=\"{' '.join(f'{number:.17g}' for number in value)}\"/>"]
+    kind = {str: "string", int: "integer", float: "float"}[type(value)]
+    shown = f"{value:.17g}" if kind == "float" else str(value)
+    return [f"{space}<{kind} {name} value={quoteattr(shown)}/>"]
