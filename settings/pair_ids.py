@@ -14,6 +14,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ..typed_settings import typed
+from .changes import relief_in_mesh
 from .table import Setting, all_settings
 
 SCHEMA: dict[str, Any] = json.loads(
@@ -40,14 +42,18 @@ def counted(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
 
     They are the list of the first version and, if there are any, the newer settings that differ from ``before``.
     """
-    first = [[name, _plain(name, _value(name, settings))] for name in SCHEMA["counted"]]
+    first = [[name, _plain(name, value_in_id(name, settings))] for name in SCHEMA["counted"]]
     later = sorted(_later(settings))
     return [first, later] if later else [first]
 
 
-def _value(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Any:
+def value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Any:
+    """The value of a setting (``topic.key``) from which a pair's id is made."""
     topic, _, key = present_name(name).partition(".")
-    return settings[topic].get(key, SCHEMA["gone"][name]) if name in SCHEMA["gone"] else settings[topic][key]
+    value = settings[topic].get(key, SCHEMA["gone"][name]) if name in SCHEMA["gone"] else settings[topic][key]
+    if key == "relief" and value == "REAL" and (topic != "surface" or not relief_in_mesh(typed(settings))):
+        return "BUMP"  # real relief that is not in the mesh renders the same pixels, and was called so before
+    return value
 
 
 def _plain(name: str, value: Any) -> Any:

@@ -16,7 +16,7 @@ from ...errors import IcyMoonError
 from ...files import explain_disk_errors, read_text, write_text
 from ...records import COUNT, TABLE, TEXT, Each, check_record, parse_json
 from ...settings.description import asking_to_update, changed, check, merged, restored
-from ...settings.pair_ids import counts
+from ...settings.pair_ids import counts, value_in_id
 from ...settings.table import all_settings
 from ...typed_settings import Settings
 from ...version import version
@@ -90,7 +90,8 @@ def _describe_difference(pair: PlannedPair, pairs: Sequence[PlannedPair]) -> str
     names = [(topic, s.key) for topic, s in all_settings() if counts(s)]
 
     def differing(other: PlannedPair) -> list[tuple[str, str]]:
-        return [(topic, key) for topic, key in names if other.settings[topic][key] != pair.settings[topic][key]]
+        return [(topic, key) for topic, key in names if value_in_id(f"{topic}.{key}", other.settings)
+                != value_in_id(f"{topic}.{key}", pair.settings)]
 
     nearest = min(pairs, key=lambda other: len(differing(other)))
     found = differing(nearest)

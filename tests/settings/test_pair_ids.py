@@ -157,3 +157,12 @@ def test_a_setting_may_be_removed_and_no_id_changes(monkeypatch):
     assert settings.check({"hollows": {"elongation": 1.0}}, "scene.toml") == {}
     with pytest.raises(IcyMoonError, match=r"hollows\.elongation is 2\.0, but this version supports only 1\.0"):
         settings.check(old, "scene.toml")
+
+
+def test_real_relief_that_is_not_in_the_mesh_has_the_id_of_bump():
+    """It renders the same pixels. Rough ice near the camera has it in the mesh."""
+    ids = {(relief, height): settings.digest(settings.merged(settings.defaults(), {
+        "surface": {"relief": relief, "grain_amplitude_m": height}, "rock_surface": {"relief": relief}}))
+        for relief in ("BUMP", "REAL", "DISPLACEMENT") for height in (0.001, 0.02)}
+    assert ids["REAL", 0.001] == ids["BUMP", 0.001] != ids["DISPLACEMENT", 0.001]
+    assert len({ids[relief, 0.02] for relief in ("BUMP", "REAL", "DISPLACEMENT")}) == 3
