@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from typing import Any
 
 import cv2
 import numpy as np
@@ -207,7 +208,7 @@ def test_a_bag_gives_back_what_was_put_in(dataset, tmp_path, points):
     with Reader(root / "pairs") as reader:
         found = [(c.topic, t, types.deserialize_cdr(raw, c.msgtype)) for c, t, raw in reader.messages()]
     assert len(found) == 14
-    first = {topic: message for topic, time, message in found if time == 0}
+    first: dict[str, Any] = {topic: message for topic, time, message in found if time == 0}
     left, right, disparity = (first[f"/stereo/{name}"] for name in (
         "left/camera_info", "right/camera_info", "disparity"))
     camera = read_pair(dataset / "pairs" / "0123456789ab").camera
