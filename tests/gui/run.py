@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from blenders import ROOT, SUITES, Blender, CannotRunError, find, install
 from extension_zip import build
 
-TIMEOUT_S = 2400.0
+TIMEOUT_S = 3600.0
 
 
 def drive(blender: Blender, archive: Path, *which: str) -> str:
