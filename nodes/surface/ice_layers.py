@@ -26,8 +26,8 @@ _BAND_CONTRAST, _MOST_BUBBLES = 4.0, 0.6
 #: how many.
 _ACROSS, _BEND, _BEND_BY = (0.88, 0.38, 0.28), 4.0, 3.0
 #: Frost: cosines of the slopes, 30 and 65 degrees, from which on it becomes less and at which none is left; standard
-#: deviations by which the noise would have to rise there; half the width of its edge, in deviations, which is thin.
-_FROST_FULL, _FROST_FREE, _NEVER, _FROST_EDGE = 0.87, 0.42, 7.5, 0.25
+#: deviations by which the noise would have to rise there; half the width of its edge, in deviations: it thins out.
+_FROST_FULL, _FROST_FREE, _NEVER, _FROST_EDGE = 0.87, 0.42, 7.5, 1.0
 #: Crust: width of its edge in deviations of the noise, and the grain's height that is left under it.
 _CRUST_EDGE = 0.05
 CRUST_GRAIN = 0.15
