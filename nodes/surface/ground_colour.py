@@ -53,20 +53,25 @@ def is_grey(surface: SurfaceSettings) -> bool:
 
 
 def add_ground_colour(tree: Tree, surface: SurfaceSettings, geometry: Any, salt_at: float, elevated: bool,
-                      settings: Settings | None) -> Any:
+                      settings: Settings | None, ice: Any = None) -> Any:
     """Output socket of the colour of the ground; None if it is that of grey, clean ice.
 
     ``salt_at`` selects the fields of salt and of patches of dirt, ``elevated`` is whether the mesh has the attribute
-    ``ELEVATION``. ``settings`` are those of the whole scene, which Hapke's law needs.
+    ``ELEVATION``. ``settings`` are those of the whole scene, which Hapke's law needs. ``ice`` is an output socket of
+    the reflectance of clean ice by band, if that varies from place to place; then the colour is a reflectance too.
     """
     if is_grey(surface):
-        return None
-    albedo = clean_albedo(surface, settings)
-    tint = ice_tint(surface, albedo)
+        return ice
+    albedo = clean_albedo(surface, settings) if ice is None else 1.0
+    tint: Any = ice_tint(surface, albedo) if ice is None else ice
     colour: Any = None if tint == _WHITE else tint
     if surface.salt_share > 0.0:
         stained = add_stained_share(tree, surface, geometry, salt_at)
-        colour = _add_mix(tree, "Salt Colour", stained, tint, salt_colour(surface, albedo))
+        salt: Any = salt_colour(surface, albedo)
+        if ice is not None and surface.salt == "OWN":  # a factor on the ice
+            salt = tree.node("ShaderNodeVectorMath", "Salt on Ice", {"Vector": ice, "Vector_001": salt},
+                             operation="MULTIPLY").outputs[0]
+        colour = _add_mix(tree, "Salt Colour", stained, tint, salt)
     clean: Any = 1.0
     if surface.dirt != "BLACK":
         clean = add_clean_share(tree, surface, geometry, salt_at + _BESIDE_SALT, elevated)

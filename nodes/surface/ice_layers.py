@@ -34,8 +34,7 @@ CRUST_GRAIN = 0.15
 
 
 def as_bubbly_ice(surface: SurfaceSettings) -> SurfaceSettings:
-    """``surface`` settings whose albedo is that of their bubbles, as the mean of the bands, on which dirt and salt are
-    factors; unchanged without bubbles."""
+    """``surface`` settings whose albedo is that of their bubbles, the mean of the bands; unchanged without bubbles."""
     if surface.model != "PRINCIPLED" or surface.bubble_share == 0.0:
         return surface
     bands = bubbly_ice_bands(surface.bubble_radius_m, surface.bubble_share)

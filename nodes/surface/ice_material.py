@@ -134,8 +134,7 @@ class _Ice:
 
     tree: Tree
     surface: SurfaceSettings
-    grey: Any
-    colour: Any
+    wanted: Any
     varied: Mapping[str, Any]
     relief: Mapping[str, Any]
     smooth: bool
@@ -143,43 +142,35 @@ class _Ice:
     pixel_rad: float
     offsets: Mapping[str, float]
 
-    def add(self, label: str, surface: SurfaceSettings, colour: Any = None, glints: bool = False) -> Any:
-        """Shader socket of ice with ``surface`` settings; a ``colour`` is that of the albedo, instead of the albedo's
-        number."""
-        tree = self.tree
-        wanted = (_add_reflectance(tree, surface, self.grey, self.colour) if colour is None else
-                  _add_reflectance(tree, surface | {"albedo": 1.0}, self.grey,
-                                   _add_product(tree, f"{label} Colour", colour, self.colour)))
-        shader = _add_principled(tree, label, surface, wanted, self.varied, self.relief, self.smooth)
+    def add(self, label: str, surface: SurfaceSettings, glints: bool = False) -> Any:
+        """Shader socket of ice with ``surface`` settings, but for their albedo."""
+        shader = _add_principled(self.tree, label, surface, self.wanted, self.varied, self.relief, self.smooth)
         if not glints or surface.glint_share == 0.0 or self.pixel_rad == 0.0:
             return shader
         normal = self.relief.get("Normal", self.geometry.outputs["Normal"])
-        return add_glints(tree, shader, wanted, self.geometry, normal, surface.glint_share, surface.glint_size_m,
-                          self.pixel_rad, self.offsets["glints"])
+        return add_glints(self.tree, shader, self.wanted, self.geometry, normal, surface.glint_share,
+                          surface.glint_size_m, self.pixel_rad, self.offsets["glints"])
 
 
 def _add_layers(ice: _Ice, crusted: Any, of_rocks: bool) -> tuple[Any, Any]:
     """Sockets of the shader, and of the volume or None, of Principled ice with the layers of its settings."""
     tree, surface, volume = ice.tree, ice.surface, None
-    bubbly = (ice_layers.add_bubbly_colour(tree, surface, ice.geometry, ice.offsets["bands"], of_rocks)
-              if surface.bubble_share > 0.0 else None)
     through = of_rocks and principled.lets_light_through(surface)
     if through:
         ice = replace(ice, varied={key: value for key, value in ice.varied.items() if key != "transmission"})
         surface = surface | {"transmission": 0.0}
-    shader = ice.add("Snow", surface, bubbly, glints=surface.frost_share == 0.0)
+    shader = ice.add("Snow", surface, glints=surface.frost_share == 0.0)
     if through:
         clear, volume = ice_layers.add_clear_ice(tree, surface, ice.relief.get("Normal"))
         shader = ice_layers.add_over(tree, "Clear Share", ice.surface.transmission, shader, clear)
     if crusted is not None:
         crust = surface | {"roughness": surface.crust_roughness, "specular": _CRUST_SPECULAR,
                            "grain_amplitude_m": surface.grain_amplitude_m * ice_layers.CRUST_GRAIN}
-        shader = ice_layers.add_over(tree, "Crust on Snow", crusted, shader, ice.add("Crust", crust, bubbly))
+        shader = ice_layers.add_over(tree, "Crust on Snow", crusted, shader, ice.add("Crust", crust))
     if surface.frost_share > 0.0:
-        frost = surface | {"albedo": surface.frost_albedo, "roughness": 1.0, "specular": 0.0, "transmission": 0.0,
-                           "subsurface_weight": 0.0}
+        frost = surface | {"roughness": 1.0, "specular": 0.0, "transmission": 0.0, "subsurface_weight": 0.0}
         frosted = ice_layers.add_frost_share(tree, surface, ice.geometry, ice.offsets["frost"])
-        over = replace(ice, grey=1.0, colour=None, varied={}).add("Frost", frost, glints=True)
+        over = replace(ice, wanted=surface.frost_albedo, varied={}).add("Frost", frost, glints=True)
         shader = ice_layers.add_over(tree, "Frost on Ice", frosted, shader, over)
     return shader, volume
 
@@ -253,7 +244,9 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
             surface = surface | {kind: of.mean[of.channel]}
             varied[kind] = pieces.separated(kind.title(), pieces.sample(kind, of))[of.channel]
     grey = add_brightness(tree, surface, geometry, patches_at, elevated=semantic == TERRAIN)
-    colour = add_ground_colour(tree, surface, geometry, salt_at, semantic == TERRAIN, settings)
+    bubbly = (ice_layers.add_bubbly_colour(tree, surface, geometry, bands_at, semantic == ROCK)
+              if surface.model == "PRINCIPLED" and surface.bubble_share > 0.0 else None)
+    colour = add_ground_colour(tree, surface, geometry, salt_at, semantic == TERRAIN, settings, bubbly)
     if pieces is not None and "albedo" in found:
         mean = max(sum(found["albedo"].mean) / 3, 1e-6)
         of_mean = pieces.vector("SCALE", "Albedo over Mean", pieces.sample("albedo", found["albedo"]), scale=1 / mean)
@@ -289,9 +282,11 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
         output_leave.append("Displacement")
     smooth = settings is not None and only_camera_meets_relief(surface, settings.quality)
     if surface.model == "PRINCIPLED":
-        ice = _Ice(tree, surface, grey, colour, varied, relief, smooth, geometry,
+        # The colour of bubbly ice is its reflectance itself.
+        wanted = _add_reflectance(tree, surface if bubbly is None else surface | {"albedo": 1.0}, grey, colour)
+        ice = _Ice(tree, surface, wanted, varied, relief, smooth, geometry,
                    1.0 / focal_px(settings.rig) if settings is not None else 0.0,
-                   {"bands": bands_at, "frost": frost_at, "glints": glints_at})
+                   {"frost": frost_at, "glints": glints_at})
         shader, volume = _add_layers(ice, crusted, semantic == ROCK)
         shaders = {"ALL": shader}
     else:

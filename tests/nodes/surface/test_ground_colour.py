@@ -10,7 +10,7 @@ from icymoon.benchmarks.furnace import albedo as furnace
 from icymoon.labels import ROCK, TERRAIN
 from icymoon.nodes.surface.ground_colour import clean_albedo, ice_tint
 from icymoon.nodes.surface.ice_material import build_material
-from icymoon.physics.light.bands import material_bands, snow_bands
+from icymoon.physics.light.bands import bubbly_ice_bands, material_bands, snow_bands
 from icymoon.physics.surfaces.spectra import MATERIALS
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.table import SURFACE
@@ -67,6 +67,22 @@ def test_salt_of_a_material_replaces_the_ice_and_dirt_lies_on_it():
                             dirt="EUROPA_DARK"))
     expected = (np.array(material_bands("IRRADIATED_SALT")) + material_bands("EUROPA_DARK")) / 2
     assert both == pytest.approx(expected, rel=0.02)
+
+
+@pytest.mark.parametrize("band_m", [0.0, 0.2])
+def test_salt_and_dirt_on_bubbly_ice_keep_their_own_colour(band_m):
+    blue = {"bubble_share": 0.001, "bubble_band_m": band_m}
+    salty = measured(surface(**blue, salt_share=1.0, salt_patch_m=0.2, salt="SULPHUR"))
+    assert salty == pytest.approx(material_bands("SULPHUR"), rel=0.02)
+    dirty = measured(surface(**blue, slope_dirt=-1.0, dirt="EUROPA_DARK"))
+    assert dirty == pytest.approx(material_bands("EUROPA_DARK"), rel=0.02)
+
+
+def test_salt_of_own_colour_is_a_factor_on_bubbly_ice():
+    blue = {"bubble_share": 0.01}
+    salty = measured(surface(**blue, salt_share=1.0, salt_patch_m=0.2, salt="OWN", salt_red=0.9, salt_green=0.8,
+                             salt_blue=0.5))
+    assert salty == pytest.approx(np.array(bubbly_ice_bands(5e-4, 0.01)) * [0.9, 0.8, 0.5], rel=0.02)
 
 
 def test_rocks_have_no_troughs():
