@@ -37,11 +37,21 @@ def band_reflectances(reflectance: Callable[[np.ndarray], np.ndarray]) -> tuple[
     Lines through them at the bands' wavelengths are nearest to the spectrum, by least squares over the visible, each
     wavelength with its share of the Sun's photons. So a camera whose response is a sum of the bands sees exactly what
     it would see of the spectrum, and any camera in the visible sees it within 5 % for the materials of ``spectra``.
+    No band is below 0: where lines would be, as of ice that is dark but in the blue, that band is 0 and the others are
+    the nearest then.
     """
     wavelength = VISIBLE_NM * 1e-9
     shares = band_shares(wavelength)
     weighted = shares * planck(wavelength, SUN_TEMPERATURE_K) * wavelength
-    red, green, blue = np.linalg.solve(weighted @ shares.T, weighted @ reflectance(VISIBLE_NM)).tolist()
+    of_bands, of_spectrum = weighted @ shares.T, weighted @ reflectance(VISIBLE_NM)
+    found, kept = np.zeros(3), np.ones(3, bool)
+    while kept.any():
+        found[kept] = np.linalg.solve(of_bands[np.ix_(kept, kept)], of_spectrum[kept])
+        if found.min() >= 0.0:
+            break
+        kept &= found > 0.0
+        found[~kept] = 0.0
+    red, green, blue = found.tolist()
     return red, green, blue
 
 

@@ -2,7 +2,14 @@
 
 import numpy as np
 import pytest
-from icymoon.physics.light.bands import VISIBLE_NM, band_reflectances, band_shares, material_bands, snow_bands
+from icymoon.physics.light.bands import (
+    VISIBLE_NM,
+    band_reflectances,
+    band_shares,
+    bubbly_ice_bands,
+    material_bands,
+    snow_bands,
+)
 from icymoon.physics.light.photons import planck
 from icymoon.physics.light.sunlight import BANDS_M, SUN_TEMPERATURE_K
 from icymoon.physics.surfaces.spectra import MATERIALS
@@ -50,3 +57,11 @@ def test_snow_becomes_blue_with_the_size_of_its_grains():
     red, green, blue = snow_bands(2e-3)
     assert red < green < blue < 1
     assert snow_bands(25e-6) == pytest.approx([1, 1, 1], abs=0.02)
+
+
+@pytest.mark.parametrize("share", [1e-9, 1e-6, 1e-4, 1e-3, 0.5])
+@pytest.mark.parametrize("radius_m", [1e-6, 5e-4, 1e-2, 0.1])
+def test_no_band_of_bubbly_ice_is_below_0_or_above_1(radius_m, share):
+    red, green, blue = bubbly_ice_bands(radius_m, share)
+    assert 0.0 <= min(red, green, blue) <= max(red, green, blue) <= 1.0
+    assert red <= green <= blue or green == 0.0
