@@ -18,6 +18,8 @@ from ..light.sunlight import sun_colour
 
 #: Weights of R, G and B in the grey image that matchers get; the luminance of ITU-R BT.709 is that of linear colours.
 GREY_WEIGHTS = {"LUMINANCE": (0.2126, 0.7152, 0.0722), "MEAN": (1 / 3, 1 / 3, 1 / 3)}
+#: Least of the light of white ground that a channel sees, over that of the channel that sees most, for a balance.
+_LEAST_WHITE = 1e-6
 #: Interpolation of a missing colour, 5 x 5 weights about the pixel, by where its samples are: beside the pixel on all
 #: four sides, on its left and right, above and below, or on its diagonals.
 _Kernels = dict[str, np.ndarray]
@@ -69,9 +71,17 @@ def white_rates(light: LightSettings, rates: np.ndarray) -> np.ndarray:
     return np.asarray(rates @ sun_colour(light.sun_temperature_k))
 
 
+def can_balance(white: np.ndarray) -> bool:
+    """Whether each channel sees enough of white ground, of which ``white`` (channels,) is what they see."""
+    return bool(white.min() > _LEAST_WHITE * white.max())
+
+
 def white_gains(white: np.ndarray, sensor: SensorSettings) -> np.ndarray:
-    """Factors (3,) on R, G, B after demosaicing; with SUN white ground becomes grey, and none is below 1."""
-    if sensor.white_balance == "NONE" or not white.min() > 0:
+    """Factors (3,) on R, G, B after demosaicing; with SUN white ground becomes grey, and none is below 1.
+
+    They are 1 if a channel sees less than a millionth of what another does: then there is nothing to balance.
+    """
+    if sensor.white_balance == "NONE" or not can_balance(white):
         return np.ones(3)
     return np.asarray(white.max() / white)
 

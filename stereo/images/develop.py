@@ -13,7 +13,7 @@ from ...errors import IcyMoonError
 from ...labels import LIGHT_GROUPS
 from ...physics.camera import brackets
 from ...physics.camera.blur import developing_warnings
-from ...physics.camera.colour import channel_rates, grey_of, mosaic, white_gains, white_rates
+from ...physics.camera.colour import can_balance, channel_rates, grey_of, mosaic, white_gains, white_rates
 from ...physics.camera.particle_hits import draw_hits
 from ...physics.camera.point_spread import apply_lens
 from ...physics.camera.sensor import (
@@ -163,7 +163,7 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
                   gain_dn_per_e(sensor), rate, full_s / rate if rate else float("inf"),
                   saturated, str(sensor.encoding),
                   (*developing_warnings(settings, pair.settings, times),
-                   *exposure_warnings(metered, saturated, sensor)),
+                   *exposure_warnings(metered, saturated, sensor), *channels.warnings),
                   colours.get("left"), colours.get("right"), tuple(channels.gains.tolist()) if colours else ())
 
 
@@ -173,6 +173,8 @@ class Channels:
     def __init__(self, light: LightSettings, sensor: SensorSettings, pitch_m: float) -> None:
         self._sensor = sensor
         self.gains = np.ones(1)
+        #: Sentences for the user.
+        self.warnings: tuple[str, ...] = ()
         if sensor.colour == "MONO" and sensor.band_weights == "EQUAL":
             self._weights = None
             self.rate = electron_rate(light, sensor, pitch_m)
@@ -182,7 +184,11 @@ class Channels:
         #: Electrons per second per W/(m² sr) of white ground, in the channel that sees most of it.
         self.rate = float(white.max())
         self._weights = rates / self.rate if self.rate > 0 else np.zeros_like(rates)
-        self.gains = white_gains(white, sensor) if sensor.colour == "BAYER" else self.gains
+        if sensor.colour == "BAYER":
+            self.gains = white_gains(white, sensor)
+            if sensor.white_balance != "NONE" and self.rate > 0 and not can_balance(white):
+                self.warnings = ("There is no white balance, because a filter passes next to no light; check the "
+                                 "wavelengths of the filters, or set sensor.white_balance to NONE.",)
 
     def planes(self, radiance: np.ndarray) -> list[np.ndarray]:
         """Of radiance (H, W, 3) what each channel sees, float64 (H, W), in units of which ``rate`` is per second."""

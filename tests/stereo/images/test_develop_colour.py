@@ -118,6 +118,16 @@ def test_no_light_and_filters_that_pass_nothing_are_dark(pair):
     assert np.isfinite(opaque.white_gains).all()
 
 
+@pytest.mark.parametrize("half_width_nm", [1.0, 9.1669, 20.0])
+def test_a_filter_that_passes_next_to_nothing_has_no_white_balance_and_that_is_said(pair, half_width_nm):
+    far = {"blue_centre_nm": 100.0, "blue_half_width_nm": half_width_nm, "filter_leak": 0.0}
+    images = developed(pair, even(pair, 1.0, 1.0, 1.0), **far, **QUIET)
+    assert images.white_gains == (1.0, 1.0, 1.0)
+    assert any("no white balance" in warning for warning in images.warnings)
+    assert not any("white balance" in warning for warning in
+                   developed(pair, even(pair, 1.0, 1.0, 1.0), **far, **QUIET, white_balance="NONE").warnings)
+
+
 def test_defects_of_a_render_stay_where_they_are(pair):
     light = np.array(even(pair, 0.5, 0.5, 0.5), np.float32)
     light[40, 40], light[80, 80] = np.nan, np.inf
