@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -99,6 +100,9 @@ def _sort(matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher]
     named = matchers.items() if isinstance(matchers, Mapping) else [
         (each if isinstance(each, str) else getattr(each, "__name__", "function"), each) for each in matchers]
     functions = {name.replace("<lambda>", "lambda"): each for name, each in named if callable(each)}
+    for name, count in Counter(name for name, _ in named).items():
+        if count > 1 and name.replace("<lambda>", "lambda") in functions:
+            raise IcyMoonError(f"{count} matchers are called {name}; give them names of their own in a dictionary.")
     texts = {name: each for name, each in named if isinstance(each, str)}
     if isinstance(matchers, Mapping):
         return ([text for name, text in texts.items() if name == text],

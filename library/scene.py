@@ -24,6 +24,11 @@ from .renderers import Hear, Renderer, as_warnings, default_renderer, ignore
 _MOST_SHOWN = 8
 
 
+def _states(changes: Mapping[str, Any], name: str) -> bool:
+    topic, _, key = name.partition(".")
+    return key in changes.get(topic, {})
+
+
 class Scene:
     """What is rendered: complete settings, made from presets and changes. A scene itself never changes.
 
@@ -40,7 +45,8 @@ class Scene:
     def _changed(self, changes: Settings, inputs: Mapping[str, Input], title: str = "") -> Scene:
         made = object.__new__(Scene)
         made._settings = description.merged(self._settings, changes)
-        made._inputs = {**self._inputs, **inputs}
+        kept = {name: each for name, each in self._inputs.items() if not _states(changes, name)}
+        made._inputs = {**kept, **inputs}
         made._title = " + ".join(filter(None, (self._title, title)))
         return made
 

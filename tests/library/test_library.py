@@ -127,6 +127,13 @@ def test_rocks_are_a_table(tmp_path):
             Scene().with_rocks(rocks)
 
 
+def test_a_file_that_is_stated_later_takes_the_place_of_an_array(tmp_path):
+    scene = Scene().with_rocks([[1.0, 2.0, 0.5]]).with_albedo(np.full((2, 2), 0.5))
+    stored = scene.change(rocks={"file": "counted.csv"}).stored(tmp_path)
+    assert stored.rocks.file == "counted.csv"
+    assert Path(stored.textures.albedo_file).parent == tmp_path / "inputs"
+
+
 def test_arrays_are_stored_once_and_named_after_their_content(tmp_path):
     scene = Scene(**SMALL).with_heights(lambda x, y: 0 * x)
     first, again = scene.stored(tmp_path), scene.stored(tmp_path)
@@ -188,6 +195,11 @@ def test_a_function_that_changed_is_measured_anew(pair, tmp_path, undrawn):
 def test_a_matcher_that_cannot_be_is_a_sentence(pair, tmp_path, matcher, words):
     with pytest.raises(IcyMoonError, match=words):
         icymoon.evaluate(pair, [matcher], tmp_path / "evaluation")
+
+
+def test_two_functions_of_one_name_are_refused(pair, tmp_path):
+    with pytest.raises(IcyMoonError, match="2 matchers are called <lambda>"):
+        icymoon.evaluate(pair, [lambda left, right: 0.0 * left, lambda left, right: left], tmp_path / "evaluation")
 
 
 class Counting:
