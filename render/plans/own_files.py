@@ -37,7 +37,7 @@ def replace_stand_ins(settings: Settings, there: dict[str, list[Path]]) -> dict[
     for item in items_of(settings):
         if isinstance(item, TextureItem):
             if own := _find_images(item, there):
-                changes["textures"] = {"set": "OWN", **{f"{kind}_file": str(path) for kind, path in own.items()}}
+                changes["textures"] = {"set": "OWN", **{f"{kind}_file": str(own.get(kind, "")) for kind in _KINDS}}
         elif mesh := _find_one(item.names, there, tuple(FORMATS)):
             changes["source"] = {"kind": "MESH", "file": str(mesh)}
             if settings.textures.set == "MESH" and not mesh_images.find_images(mesh).by_kind:

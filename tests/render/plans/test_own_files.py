@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 from icymoon.errors import IcyMoonError
+from icymoon.render.plans.own_files import replace_stand_ins
 from icymoon.render.plans.plan_file import read_plan
+from icymoon.settings.description import defaults, merged
 
 CASES = """
 [plan]
@@ -90,3 +92,10 @@ def test_other_files_and_a_missing_folder_change_nothing(plan):
     before = [pair.id for pair in plan(header="").pairs()]
     assert [pair.id for pair in plan("firn.txt", "firnish.png", "firn_ao.png").pairs()] == before
     assert [pair.id for pair in plan(header='files = "nowhere"').pairs()] == before
+
+
+def test_images_that_were_stated_for_another_set_are_not_mixed_in(tmp_path):
+    shown = {"set": "STAND_IN", "stand_in": "POWDER_SNOW", "roughness_file": "old.png"}
+    own = replace_stand_ins(merged(defaults(), {"textures": shown}), {"powder_snow": [tmp_path / "powder_snow.png"]})
+    assert own["textures"]["albedo_file"] == str(tmp_path / "powder_snow.png")
+    assert own["textures"]["roughness_file"] == ""
