@@ -14,7 +14,7 @@ from ..files import json_text, write_text
 from ..suggestions import nearest
 from ..terminal import as_path, show_progress
 from ..validation.all_comparisons import COMPARISONS
-from ..validation.comparison import EXPLAINED, OFF, Bench, Comparison, Result, load_own_comparison, run_comparison
+from ..validation.comparison import AGREES, OFF, Bench, Comparison, Result, load_own_comparison, run_comparison
 from ..validation.tables import cells, markdown_section, replace_sections, summary
 
 
@@ -98,6 +98,6 @@ def _print_result(result: Result) -> None:
     for source in dict.fromkeys(row.source for row in result.rows):
         console.print(f"  Source: {source}", highlight=False, markup=False)
     for row in result.rows:
-        if row.verdict == EXPLAINED:
+        if row.why and row.verdict != AGREES:
             console.print(f"  {row.quantity.replace('`', '')}: {row.why}", highlight=False, markup=False)
     console.print(summary(result), highlight=False, markup=False)

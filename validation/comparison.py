@@ -23,7 +23,7 @@ from ..settings.user_files import content
 from ..typed_settings import Settings
 
 #: Verdicts of a row.
-AGREES, EXPLAINED, OFF = "agrees", "off, explained", "off"
+AGREES, EXPLAINED, LIKELY, OFF = "agrees", "off, explained", "off, likely cause", "off"
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ class Row:
     """One number of ours beside one that no one here made.
 
     ``allowed`` is the largest difference that counts as agreement, in the unit of both. ``fitted`` marks a number that
-    ours was fitted to. ``why`` explains a difference that is known; without it, a larger one is a fault.
+    ours was fitted to. ``why`` states the cause of a difference; without it, a larger one is a fault. It begins with
+    ``Likely cause`` if the cause was not tested.
     """
 
     quantity: str
@@ -50,10 +51,12 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """``AGREES``, ``EXPLAINED`` or ``OFF``; a number that is not finite agrees with nothing."""
+        """``AGREES``, ``EXPLAINED``, ``LIKELY`` or ``OFF``; a number that is not finite agrees with nothing."""
         if abs(self.difference) <= self.allowed:
             return AGREES
-        return EXPLAINED if self.why else OFF
+        if not self.why:
+            return OFF
+        return LIKELY if self.why.startswith("Likely cause") else EXPLAINED
 
     def to_json(self) -> dict[str, Any]:
         """The row as plain values, null for what is not finite."""
@@ -112,7 +115,7 @@ class Result:
 
     @property
     def passes(self) -> bool:
-        """Whether it could be made and no difference is without explanation."""
+        """Whether it could be made and every difference has a cause, known or likely."""
         return not self.error and all(row.verdict != OFF for row in self.rows)
 
     def to_json(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ _VERBISCER = "Verbiscer et al. 2007, Science 315, 815, as Wikipedia quotes it"
 _FILACCHIONE = "Filacchione et al. 2022, arXiv 2111.15541, abstract, 0.55 µm"
 _BOLOMETRIC = ("Likely causes: it is bolometric and the preset is for 0.55 µm, and the preset's phase function is that "
                "of Enceladus, which is a guess")
-_BLUE = "Cause: it was measured at 0.47 µm, where Europa is darker than at the preset's 0.55 µm"
+_BLUE = "Likely cause: it was measured at 0.47 µm, where Europa is darker than at the preset's 0.55 µm"
 
 
 @dataclass(frozen=True)

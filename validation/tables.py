@@ -6,7 +6,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 
-from .comparison import EXPLAINED, OFF, Comparison, Result, Row
+from .comparison import AGREES, EXPLAINED, LIKELY, OFF, Comparison, Result, Row
 
 _HEADS = ("quantity", "here", "held against", "allowed", "off by", "verdict", "source")
 
@@ -17,15 +17,13 @@ def shown_number(value: float) -> str:
 
 
 def _verdict(row: Row) -> str:
-    if row.fitted and row.verdict not in (OFF, EXPLAINED):
-        return "fitted to it"
-    return row.verdict
+    return "fitted to it" if row.fitted and row.verdict == AGREES else row.verdict
 
 
 def cells(row: Row) -> tuple[str, ...]:
     """What a table shows of a row."""
     unit = f" {row.unit}" if row.unit else ""
-    source = f"{row.source}. {row.why}" if row.why and row.verdict == EXPLAINED else row.source
+    source = f"{row.source}. {row.why}" if row.why and row.verdict != AGREES else row.source
     return (row.quantity, shown_number(row.ours) + unit, shown_number(row.theirs) + unit,
             f"± {shown_number(row.allowed)}", f"{row.difference:+.2g}", _verdict(row), source)
 
@@ -35,10 +33,12 @@ def summary(result: Result) -> str:
     if result.error:
         return f"{result.comparison.title}: not made. {result.error}"
     counted = [row.verdict for row in result.rows]
-    parts = [f"{len(counted)} numbers"]
+    parts = ["1 number" if len(counted) == 1 else f"{len(counted)} numbers"]
     if explained := counted.count(EXPLAINED):
         parts.append(f"{explained} off with a known cause")
-    parts.append(f"{counted.count(OFF)} off without one" if OFF in counted else "none off without a known cause")
+    if likely := counted.count(LIKELY):
+        parts.append(f"{likely} off with a likely cause")
+    parts.append(f"{counted.count(OFF) or 'none'} off without a cause")
     return f"{result.comparison.title}: {'passes' if result.passes else 'FAILS'}; {', '.join(parts)}."
 
 

@@ -13,6 +13,7 @@ from icymoon.validation.all_comparisons import COMPARISONS
 from icymoon.validation.comparison import (
     AGREES,
     EXPLAINED,
+    LIKELY,
     OFF,
     Bench,
     Comparison,
@@ -30,11 +31,25 @@ COMPARISON = Comparison("mine", "Mine", "Why.", lambda bench: [Row("size", {ours
 
 
 @pytest.mark.parametrize(("ours", "why", "verdict"), [
-    (1.1, "", AGREES), (1.11, "", OFF), (0.89, "known", EXPLAINED), (math.nan, "", OFF), (math.inf, "", OFF)])
+    (1.1, "", AGREES), (1.11, "", OFF), (0.89, "Cause: known", EXPLAINED),
+    (0.89, "Likely cause: a guess", LIKELY), (0.89, "Likely causes: two", LIKELY),
+    (1.0, "Likely cause: a guess", AGREES), (math.nan, "", OFF), (math.inf, "", OFF)])
 def test_verdicts(ours, why, verdict):
     row = Row("x", ours, 1.0, 0.1 + 1e-12, "source", why=why)
     assert row.verdict == verdict
     json.dumps(row.to_json(), allow_nan=False)
+
+
+def test_likely_causes_are_not_counted_as_known(tmp_path):
+    rows = [Row("a", 2.0, 1.0, 0.1, "s", why="Cause: known"), Row("b", 2.0, 1.0, 0.1, "s", why="Likely cause: noise")]
+    found = run_comparison(Comparison("a", "A", "", lambda bench: rows), Bench(tmp_path))
+    assert found.passes
+    assert "1 off with a known cause, 1 off with a likely cause, none off without a cause" in summary(found)
+    assert "| off, likely cause | s. Likely cause: noise |" in markdown_section(found)
+    rows.append(Row("c", 2.0, 1.0, 0.1, "s"))
+    failed = run_comparison(Comparison("a", "A", "", lambda bench: rows), Bench(tmp_path))
+    assert not failed.passes
+    assert "1 off without a cause" in summary(failed)
 
 
 def test_a_comparison_that_cannot_be_made_fails_with_its_sentence(tmp_path):
