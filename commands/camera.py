@@ -58,7 +58,9 @@ def read_rig(left: Path, right: Path, most_px: float = FIT_LIMIT_PX) -> tuple[Se
     width_mm = defaults().rig.sensor_width_mm
     rig = {"width_px": size[0], "height_px": size[1], "sensor_width_mm": width_mm,
            "focal_length_mm": first.focal_px / size[0] * width_mm,
-           "principal_x_px": first.cx_px + 0.5 - size[0] / 2, "principal_y_px": first.cy_px + 0.5 - size[1] / 2,
+           # Rounding of the model's vectors leaves 1e-14 px where the middle is meant; adding 0 makes -0 plain.
+           "principal_x_px": round(first.cx_px + 0.5 - size[0] / 2, 9) + 0.0,
+           "principal_y_px": round(first.cy_px + 0.5 - size[1] / 2, 9) + 0.0,
            "baseline_m": float(np.linalg.norm(models[1].c - models[0].c)),
            **{f"distortion_{name}": value for name, value in zip(COEFFICIENTS, first.k, strict=True)}}
     return check({"rig": rig}, f"{left} and {right}"), max(first.residual_px, second.residual_px)

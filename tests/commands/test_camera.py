@@ -40,7 +40,9 @@ def test_the_rig_is_that_of_its_models(tmp_path, text, capsys):
     assert found.rig == pytest.approx(wanted, rel=1e-6, abs=1e-6)
     assert len(wanted) == 12
     assert main(["camera", str(left), str(right)]) == 0
-    assert "baseline_m = 0.3" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "baseline_m = 0.3" in printed
+    assert "principal_y_px = 0.0\n" in printed, "what is in the middle is printed so, without rounding errors"
 
 
 @pytest.mark.parametrize(("at", "turn", "words"), [
