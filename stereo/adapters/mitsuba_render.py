@@ -21,9 +21,8 @@ def render(scene_file: Path, samples: int, seed: int) -> tuple[np.ndarray, np.nd
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
-    if (scene_file.parent / "mitsuba_hapke.py").is_file():
-        sys.path.insert(0, str(scene_file.parent))
-        import mitsuba_hapke
+    if "icymoon_hapke" in scene_file.read_text(encoding="utf-8"):
+        import mitsuba_hapke  # the one beside this file: what comes with a scene is not run
 
         mitsuba_hapke.register()
     scene = mi.load_file(str(scene_file))

@@ -43,6 +43,10 @@ _FILTER_PX = 0.2
 #: Depth without Russian roulette, which would only add noise.
 _ALWAYS = 1000
 
+#: Settings of a surface that the export lacks where they are not 0, the second of Principled ice alone.
+_VARIATIONS = ("albedo_variation", "salt_share", "trough_dirt", "slope_dirt")
+_LAYERS = ("glint_share", "crust_share", "frost_share")
+
 Plugin = dict[str, Any]
 
 
@@ -117,9 +121,12 @@ def find_left_out(settings: Settings, shown: Sky) -> list[str]:
             found.append(f"{topic}.model {surface['model']} is exported as Lambert's law with the same albedo.")
         if surface["grain_amplitude_m"]:
             found.append(f"{topic}.grain_amplitude_m: relief that the mesh does not have is left out.")
-        for key in ("albedo_variation", "salt_share", "slope_dirt"):
-            if surface.get(key):
-                found.append(f"{topic}.{key} is left out.")
+        if surface.get("ice_colour", "GREY") != "GREY":
+            found.append(f"{topic}.ice_colour is left out: the ground is grey.")
+        layers = _LAYERS if surface["model"] == "PRINCIPLED" else ()
+        found += [f"{topic}.{key} is left out." for key in (*_VARIATIONS, *layers) if surface.get(key)]
+        if layers and surface["bubble_share"]:
+            found.append(f"{topic}.bubble_share is left out: the albedo is {topic}.albedo, not that of the bubbles.")
     if settings.textures.set != "NONE":
         found.append("Images (textures.set) are left out.")
     if shown.planet is not None and shown.planet.rings:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+import os
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -65,6 +66,11 @@ def test_what_is_left_out_is_named():
     text = " ".join(mitsuba.find_left_out(described, sky(described.light)))
     for word in ("PRINCIPLED", "grain_amplitude_m", "salt_share", "textures.set"):
         assert word in text
+    layered = settings({"surface": {"ice_colour": "SNOW", "trough_dirt": -0.2, "glint_share": 0.1, "crust_share": 0.1,
+                                    "frost_share": 0.1, "bubble_share": 0.01}})
+    text = " ".join(mitsuba.find_left_out(layered, sky(layered.light)))
+    for key in ("ice_colour", "trough_dirt", "glint_share", "crust_share", "frost_share", "bubble_share"):
+        assert f"surface.{key} is left out" in text
     plain = settings({"surface": {"model": "LAMBERT", "grain_amplitude_m": 0.0, "albedo_variation": 0.0}})
     assert not mitsuba.find_left_out(plain, sky(plain.light))
 
@@ -126,3 +132,15 @@ def test_hapkes_law_in_mitsuba_is_the_formula():
     if "LLVM" in done.stderr and "ok" not in done.stdout:
         pytest.skip("no LLVM library that this Mitsuba knows")
     assert done.stdout.endswith("ok\n"), done.stderr
+
+
+def test_code_that_comes_with_a_scene_is_not_run(tmp_path):
+    (tmp_path / "mitsuba_hapke.py").write_text("raise SystemExit('code of the scene was run')\n")
+    (tmp_path / "scene_left.xml").write_text('<scene version="3.0.0"><bsdf type="icymoon_hapke"/></scene>')
+    (tmp_path / "fake").mkdir()
+    (tmp_path / "fake" / "mitsuba.py").write_text("def set_variant(name): pass\n")
+    script = ROOT / "stereo" / "adapters" / "mitsuba_render.py"
+    ended = subprocess.run([sys.executable, str(script), str(tmp_path / "scene_left.xml")], capture_output=True,
+                           text=True, check=False, timeout=60, env=os.environ | {"PYTHONPATH": str(tmp_path / "fake")})
+    assert ended.returncode == 1
+    assert "code of the scene" not in ended.stderr
