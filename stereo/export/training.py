@@ -13,6 +13,7 @@ import json
 import tarfile
 from collections import Counter
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from ...errors import IcyMoonError
 from ...files import part_of, write_json, write_text
 from ...render.pairs.pair_folder import EYES
 from ...render.pairs.scene_splits import SPLITS, scene_of, split_of
-from ...system import replace
+from ...system import remove, replace
 from ...version import version
 from ..images.develop import to_8_bit
 from ..images.image_files import encoded, write_bytes
@@ -87,8 +88,10 @@ def write_webdataset(each: Each, out: Path) -> None:
 
     try:
         each(write)
-    finally:
-        names = shards.close()
+    except BaseException:
+        shards.discard()
+        raise
+    names = shards.close()
     index.write(out)
     write_text(out / "README.md", _card(index, "WebDataset shards", (
         "`wds.WebDataset(\"train-{000000..N}.tar\").decode(\"pil\").to_tuple(\"left.png\", \"right.png\", "
@@ -146,6 +149,14 @@ class _Shards:
         archive.close()
         replace(part, self._out / name)
         self._done.append(name)
+
+    def discard(self) -> None:
+        """Remove the shards that are not whole."""
+        for _, part, archive in self._open.values():
+            with suppress(OSError):  # a full disk cannot take the end of the archive
+                archive.close()
+            remove(part)
+        self._open.clear()
 
     def close(self) -> list[str]:
         """End all shards; their names."""

@@ -16,6 +16,7 @@ from icymoon.errors import IcyMoonError
 from icymoon.render.pairs.pair_folder import Pair, find_pair_folders, read_pair
 from icymoon.render.pairs.scene_splits import SPLITS, scene_of, split_of
 from icymoon.settings.description import defaults, merged
+from icymoon.stereo.export import training
 from icymoon.stereo.export.layouts import export
 
 RIG = pairs.camera(96, 64)
@@ -34,6 +35,22 @@ def dataset(tmp_path_factory):
             wanted[trained] -= 1
             pairs.write_pair(root / "pairs" / f"{k:012x}", SCENE, RIG, settings=settings)
     return root
+
+
+def test_an_export_that_is_stopped_leaves_no_shard(dataset, tmp_path, monkeypatch):
+    made = []
+
+    def fail(pair):
+        if made:
+            raise KeyboardInterrupt
+        made.append(pair)
+        return {"left.png": b"0"}
+
+    monkeypatch.setattr(training, "_files_of", fail)
+    with pytest.raises(KeyboardInterrupt):
+        export([dataset], "webdataset", tmp_path / "stopped")
+    assert made
+    assert not [path for path in (tmp_path / "stopped").iterdir() if path.is_file()]
 
 
 def split_by_key(dataset) -> dict[str, str]:
