@@ -47,6 +47,7 @@ MOST_ROCKS = 1000
 #: Maximum number of vertices of the whole ground that ``build_coarse`` makes in about a second.
 MOST_VERTICES = 20000
 _EDITED = "The {} was edited by hand, so sliders do not change it; press Build Scene to build it again."
+_TURNED = "Preview: fine relief is real only where the camera looked; press Build Scene"
 
 
 def notes(scene: bpy.types.Scene) -> list[str]:
@@ -57,7 +58,10 @@ def notes(scene: bpy.types.Scene) -> list[str]:
         return []
     sentences: list[str] = json.loads(collection.get(scenes.NOTES, "[]"))
     previewed = json.loads(collection.get(scenes.PREVIEW, "{}"))
-    return sentences + (["Preview: press Build Scene"] if previewed and not sentences else [])
+    if not previewed or sentences:
+        return sentences
+    turned = set(previewed) == {"rig"} and not set(previewed["rig"]).isdisjoint(fine_relief.OF_THE_RIG)
+    return [_TURNED if turned else "Preview: press Build Scene"]
 
 
 def set_notes(built: scenes.Built, sentences: list[str]) -> None:

@@ -436,3 +436,17 @@ def test_a_surface_that_knows_the_sun_follows_light_and_accuracy(watched):
         shown = state(built)
         assert shown == fresh(watched, current(watched)), name
     assert not watched.cycles.shading_system
+
+
+def test_turning_the_camera_away_from_real_relief_says_what_is_not_shown(watched):
+    watched.icymoon.mesh.kind = "GRADED"
+    watched.icymoon.surface.relief = "REAL"
+    watched.icymoon.surface.grain_amplitude_m = 0.2
+    watched.icymoon.surface.grain_size_m = 0.5
+    assert bpy.ops.icymoon.build_scene() == {"FINISHED"}
+    _turn()
+    assert preview.notes(watched) == []
+    change(watched, "rig.heading_deg", watched.icymoon.rig.heading_deg + 40.0)
+    (sentence,) = preview.notes(watched)
+    assert "fine relief" in sentence
+    assert "press Build Scene" in sentence
