@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import part_of, write_json, write_text
+from ...files import explain_disk_errors, part_of, write_json, write_text
 from ...render.pairs.pair_folder import EYES
 from ...render.pairs.scene_splits import SPLITS, scene_of, split_of
 from ...system import remove, replace
@@ -136,10 +136,11 @@ class _Shards:
             self._open[split] = name, part, tarfile.open(  # noqa: SIM115
                 part, "w", format=tarfile.USTAR_FORMAT, encoding="utf-8")
         name, part, archive = self._open[split]
-        for suffix, content in files.items():
-            member = tarfile.TarInfo(f"{key}.{suffix}")  # without a time, so that the same pairs give the same bytes
-            member.size = len(content)
-            archive.addfile(member, io.BytesIO(content))
+        with explain_disk_errors("write to", part):  # an archive that was torn cannot go on with the next pair
+            for suffix, content in files.items():
+                member = tarfile.TarInfo(f"{key}.{suffix}")  # without a time: the same pairs give the same bytes
+                member.size = len(content)
+                archive.addfile(member, io.BytesIO(content))
         if part.stat().st_size > SHARD_BYTES:
             self._end(split)
         return name

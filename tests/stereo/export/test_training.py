@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import hashlib
 import json
 import tarfile
@@ -12,7 +13,7 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
+from icymoon.errors import DiskError, IcyMoonError
 from icymoon.render.pairs.pair_folder import Pair, find_pair_folders, read_pair
 from icymoon.render.pairs.scene_splits import SPLITS, scene_of, split_of
 from icymoon.settings.description import defaults, merged
@@ -51,6 +52,16 @@ def test_an_export_that_is_stopped_leaves_no_shard(dataset, tmp_path, monkeypatc
         export([dataset], "webdataset", tmp_path / "stopped")
     assert made
     assert not [path for path in (tmp_path / "stopped").iterdir() if path.is_file()]
+
+
+def test_a_full_disk_ends_the_export_instead_of_tearing_a_shard(dataset, tmp_path, monkeypatch):
+    def refuse(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(tarfile.TarFile, "addfile", refuse)
+    with pytest.raises(DiskError):
+        export([dataset], "webdataset", tmp_path / "full")
+    assert not [path for path in (tmp_path / "full").iterdir() if path.is_file()]
 
 
 def split_by_key(dataset) -> dict[str, str]:
