@@ -32,8 +32,9 @@ def test_a_lambert_ball_has_lamberts_phase_curve(tmp_path):
     (full, half), = render_ball(Bench(tmp_path), [settings], (0.0, 90.0), 1000.0, pixels=96)
     assert full.brightness == pytest.approx(0.4, rel=3e-3)  # pixels at the limb, chords of a degree
     assert half.brightness == pytest.approx(0.4 / np.pi, rel=5e-3)
-    disc = ~np.isnan(full.emission) & (full.emission < 1.4)
+    disc = ~np.isnan(full.emission) & (full.emission < 1.0)
     law = photometry.lunar_lambert(0.6, 0.0)
-    # The image is a mean over a pixel, whose cosine bends by less than a per cent there.
+    # Across a pixel the cosine changes by 7 % at most there, which 16 samples average to well within 2 %. Toward the
+    # limb it changes by its own size, and pixels see the sky; the brightness of the whole disc tests that.
     assert full.radiance_factor[disc] == pytest.approx(
         np.pi * law(full.incidence, full.emission, full.azimuth)[disc], rel=0.02)
