@@ -130,10 +130,13 @@ def fine_relief_of(settings: Settings) -> FineRelief | None:
     return relief_in_mesh(settings, view_of(settings.rig).pixels_per_radian)
 
 
-def _count_cut(grading: Grading, rig: RigSettings) -> int:
-    """How many vertices are added for fine relief, on level ground."""
+def _count_cut(grading: Grading, rig: RigSettings, most: int) -> int:
+    """How many vertices are added for fine relief, on level ground; 0 if there are more than ``most`` without them.
+
+    Narrow images ask for more vertices than any memory holds, so they are counted before they are made.
+    """
     relief, at = grading.relief, grading.view
-    if relief is None:
+    if relief is None or grading.rings.vertices > most:
         return 0
     rings = grading.rings
     x, y = rings.map_positions()
@@ -263,10 +266,10 @@ def grade(ground: Terrain, settings: Settings) -> Grading:
     relief = relief_in_mesh(settings, at.pixels_per_radian)
     error, wider, wanted = float(mesh.error_px), 1.0, 0.0
     grading = made(error)
-    wanted = _count_vertices(grading) + _count_cut(grading, settings.rig)
+    wanted = _count_vertices(grading) + _count_cut(grading, settings.rig, mesh.most)
     if wanted <= mesh.most and grading.rings.vertices <= mesh.most:
         return made(error)  # with what it wants
-    while relief is not None and grading.rings.vertices + _count_cut(grading, settings.rig) > mesh.most:
+    while relief is not None and grading.rings.vertices + _count_cut(grading, settings.rig, mesh.most) > mesh.most:
         coarser = relief.spacing_px * relief.parts / (relief.parts - 1) if relief.parts > 1 else math.inf
         relief = replace(relief, parts=relief.parts - 1, spacing_px=coarser) if relief.parts > 2 else None
         grading = made(error)

@@ -58,6 +58,8 @@ def topic(name, *left_out):
     varied = st.fixed_dictionaries({}, optional={s.key: _value(s) for s in TOPICS[name].settings
                                                  if s.kind in ("int", "float", "bool", "choice")
                                                  and s.key not in left_out})
+    # A filter that passes no wavelength is refused.
+    varied = varied.filter(lambda values: values.get("cut_on_nm", 400.0) < values.get("cut_off_nm", 700.0))
     return varied.map(lambda values: description.merged(description.defaults(),
                                                         description.check({name: values}, "test")))
 

@@ -70,9 +70,9 @@ def test_without_labels_there_is_one_render_and_the_same_depth(tmp_path, monkeyp
     monkeypatch.setattr(render_pair, "_run_cycles", lambda *a: (calls.append(1), original(*a))[1])
     rocks = {"rocks": {"coverage": 0.05}, "quality": {"samples": 8}}
     full, _ = render(tmp_path / "full", rocks)
-    assert len(calls) == 3  # radiance, truth, and truth half a pixel to the right, which finds what is hidden
+    assert len(calls) == 5  # radiance, truth, and truth at three other places of a pixel, which finds what is hidden
     alone, _ = render(tmp_path / "alone", rocks, {"quality": {"truth": "DEPTH"}})
-    assert len(calls) == 4
+    assert len(calls) == 6
     assert full.data["id"] != alone.data["id"]
     for eye in ("left", "right"):
         ours, theirs = read_truth(alone.truth(eye), eye), read_truth(full.truth(eye), eye)
@@ -103,5 +103,5 @@ def test_open_shading_language_is_on_only_for_what_is_made_of_it(model, needed, 
                                                              original(scene, *a))[1])
     _, built = render(tmp_path, {"surface": {"model": model}, "quality": {"samples": 1}})
     assert any(map(is_osl, built.materials)) == needed
-    assert on == [needed, False, False]  # the truth never
+    assert on == [needed, False, False, False, False]  # the truth never
     assert bpy.context.scene.cycles.shading_system == needed

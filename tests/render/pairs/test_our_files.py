@@ -228,6 +228,8 @@ def test_rows_of_an_evaluation_name_no_folder(tmp_path):
 #: and files that a user asks to replace or delete by name.
 REMOVES = {"render/pairs/our_files.py": "the one way", "system.py": "how it is done", "files.py": "its own part",
            "render/workers/job.py": "its own temporary folder",
+           "library/renderers.py": "its own temporary folder",
+           "paper_stand_ins/cached_files.py": "its own parts and record, in a folder of the cache",
            "render/render_pair.py": "what it wrote into its own part",
            "render/workers/claims.py": "its own claim and probe",
            "stereo/environment/install.py": "the folder that it has made", "stereo/reexpose.py": "what it writes again",
