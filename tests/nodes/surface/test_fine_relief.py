@@ -210,7 +210,7 @@ def radiance_of_left_eye(built, folder):
 def test_displacement_on_a_coarse_mesh_is_reported():
     empty_scene()
     built = scenes.build(bpy.context.scene, complete(
-        NEAR_ICE, {"surface": {"relief": "DISPLACEMENT"}, "mesh": {"most": 500}}))
+        NEAR_ICE, {"surface": {"relief": "DISPLACEMENT"}, "mesh": {"kind": "GRID"}}))
     assert any("of the height of the fine relief" in warning for warning in built.warnings)
 
 
