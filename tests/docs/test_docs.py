@@ -74,7 +74,8 @@ def test_every_version_is_that_of_the_manifest():
 def test_every_figure_is_shown():
     shown = {manual.resolved(page, link) for page, text in manual.written().items() for link in manual.links(text)}
     assert shown >= FIGURES
-    assert shown >= {path.relative_to(ROOT).as_posix() for path in (ROOT / "docs" / "images").iterdir()}
+    assert shown >= {path.relative_to(ROOT).as_posix() for path in (ROOT / "docs" / "images").rglob("*")
+                      if path.is_file()}
 
 
 def words_of_python(code: str) -> list[list[str]]:
