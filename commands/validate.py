@@ -11,6 +11,7 @@ from typing import Any
 
 from ..errors import IcyMoonError
 from ..files import json_text, write_text
+from ..stereo.environment import packages
 from ..suggestions import nearest
 from ..terminal import as_path, show_progress
 from ..validation.all_comparisons import COMPARISONS
@@ -50,6 +51,7 @@ def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) ->
 
 
 def _run_validate(options: argparse.Namespace) -> int:
+    packages.require("numpy", "cv2", "OpenEXR")
     chosen = choose_comparisons(options.only, options.own_files, options.quick)
     if options.page and not options.page.is_file():
         raise IcyMoonError(f"--page: there is no page {options.page}; give one that exists.")

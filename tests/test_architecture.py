@@ -189,13 +189,32 @@ def test_pure_rooms_import_without_blender():
     assert ended.returncode == 0, f"icymoon.{ended.stdout.split()[-1]}: {ended.stderr}"
 
 
+WITHOUT_THE_EVALUATOR = (
+    "import sys\n"
+    "sys.modules |= dict.fromkeys(('cv2', 'torch', 'OpenEXR', 'Imath', 'jinja2', 'matplotlib', 'rich'))\n")
+
+
 def test_imports_go_without_the_evaluators_packages():
     """Blender has none of them, and the extension would not start."""
-    program = ("import sys\n"
-               "sys.modules |= dict.fromkeys(('cv2', 'torch', 'OpenEXR', 'Imath', 'jinja2', 'matplotlib', 'rich'))\n"
-               "import icymoon\nicymoon.register()\nicymoon.unregister()")
+    program = WITHOUT_THE_EVALUATOR + "import icymoon\nicymoon.register()\nicymoon.unregister()"
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=240, check=False)
     assert ended.returncode == 0, ended.stderr
+
+
+@pytest.mark.parametrize(("arguments", "status", "printed"), [
+    (["plan", "datasets/guiss_smoke", "--dry-run"], 0, "pair"),
+    (["batch", "--help"], 0, "usage"),
+    (["trade", "--help"], 0, "usage"),
+    (["validate", "--only", "other_codes"], 1, "lacks")])
+def test_the_command_line_starts_without_the_evaluators_packages(arguments, status, printed):
+    """The window renders data sets by it, in Blender's own Python."""
+    program = WITHOUT_THE_EVALUATOR + ("from icymoon.commands.cli import main\n"
+                                       "sys.exit(main(sys.argv[1:]))")
+    ended = subprocess.run([sys.executable, "-c", program, *arguments], capture_output=True, text=True, timeout=240,
+                           check=False)
+    assert ended.returncode == status, ended.stderr
+    assert printed in ended.stdout + ended.stderr
+    assert "Traceback" not in ended.stderr
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=IDS)

@@ -17,7 +17,6 @@ import numpy as np
 from ..formats.ply import write_triangles
 from ..render.pairs.pair_folder import Pair
 from ..settings.description import check, defaults, merged
-from ..stereo.images.exr import read_view
 from ..typed_settings import Settings
 from .comparison import Bench
 
@@ -100,6 +99,8 @@ def _describe(surface: Settings, mesh: Path, phase_deg: float, distance: float, 
 
 
 def _read_ball(pair: Pair, phase: float, distance: float) -> BallImage:
+    from ..stereo.images.exr import read_view  # which needs OpenEXR
+
     light = pair.data["light"]["sun"]
     image = read_view(pair.image("left")).radiance.mean(axis=-1).astype(np.float64) * math.pi / light["irradiance_wm2"]
     pose = np.array(pair.data["poses_camera_to_world"]["left"])

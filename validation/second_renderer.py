@@ -15,8 +15,6 @@ from ..errors import IcyMoonError
 from ..render.pairs.pair_folder import Pair
 from ..render.workers.process import clean_environment
 from ..settings.description import check, defaults, merged
-from ..stereo.export.mitsuba import export_mitsuba
-from ..stereo.images.exr import read_view
 from ..system import run
 from ..typed_settings import Settings
 from ..version import ROOT
@@ -123,6 +121,8 @@ def edge_shift_px(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def _rows(scene: Scene, pair: Pair, folder: Path) -> list[Row]:
+    from ..stereo.images.exr import read_view  # which needs OpenEXR
+
     view = read_view(pair.image("left"))
     ours, (theirs, depth) = view.radiance[..., 0].astype(np.float64), _render_in_mitsuba(folder, scene.samples)
     here, there = region_means(ours), region_means(theirs)
@@ -148,6 +148,8 @@ def _rows(scene: Scene, pair: Pair, folder: Path) -> list[Row]:
 
 
 def _compare(bench: Bench) -> list[Row]:
+    from ..stereo.export.mitsuba import export_mitsuba  # which needs OpenCV
+
     if importlib.util.find_spec("mitsuba") is None:
         raise IcyMoonError("Mitsuba is not installed; run pip install 'icymoon[validate]'.")
     pairs = bench.render([describe_scene(scene) for scene in SCENES])
