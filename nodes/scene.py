@@ -18,10 +18,11 @@ from ..errors import IcyMoonError
 from ..labels import TERRAIN_INSTANCE
 from ..physics import refused_scenes
 from ..physics.camera import blur
-from ..physics.camera.stereo_geometry import focal_px, rounding_advice
+from ..physics.camera.stereo_geometry import rounding_advice
 from ..physics.mesh.fine_relief import displacement_advice, nearest_m
 from ..physics.mesh.graded_ground import Graded
 from ..physics.mesh.height_surface import Surface
+from ..physics.rig.focal_length import focal_px
 from ..physics.rocks.beyond_patch import view_beyond
 from ..physics.rocks.rocks import scatter
 from ..physics.rocks.shapes import make_rock_shapes

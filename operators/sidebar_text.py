@@ -16,8 +16,9 @@ from .. import compat
 from ..errors import IcyMoonError
 from ..physics.camera.blur import blur_advice, blur_of, confusion_px, motion_px
 from ..physics.camera.lens_distortion import coefficients, overscan_needed
-from ..physics.camera.stereo_geometry import GroundRow, depth_error_m, focal_px, ground_row, shared_width_px
+from ..physics.camera.stereo_geometry import GroundRow, depth_error_m, ground_row, shared_width_px
 from ..physics.light.sky import sky, sky_facts
+from ..physics.rig.focal_length import focal_px
 from ..physics.scene_requirements import find_left_out
 from ..render.cost.abilities import Abilities
 from ..render.cost.quality_presets import QualityPreset, list_qualities

@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..typed_settings import QualitySettings, Settings, SurfaceSettings
-from .camera.stereo_geometry import focal_px
 from .light.sky import Sky
 from .mesh.fine_relief import nearest_m
+from .rig.focal_length import focal_px
 from .surfaces.principled import lets_light_through
 
 #: Topics that describe a surface.

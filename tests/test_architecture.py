@@ -24,7 +24,7 @@ IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 PURE = (
     "errors", "suggestions", "labels", "system", "files", "cache", "records", "scratch", "version", "terminal",
     "typed_settings",
-    "physics/random_numbers", "physics/rocks", "physics/terrain/noise", "physics/terrain/roughness",
+    "physics/rig", "physics/random_numbers", "physics/rocks", "physics/terrain/noise", "physics/terrain/roughness",
     "physics/terrain/landforms", "physics/terrain", "physics/mesh",
     "physics/surfaces", "physics/light", "physics/camera", "physics",
     "formats", "paper_stand_ins", "settings",

@@ -21,6 +21,7 @@ from icymoon.physics.camera import sensor, stereo_geometry
 from icymoon.physics.light import ephemeris, photons, planetshine
 from icymoon.physics.light.sunlight import sun_diameter_deg, sun_irradiance_wm2
 from icymoon.physics.random_numbers.seeds import generator
+from icymoon.physics.rig.focal_length import focal_px
 from icymoon.physics.rocks import size_laws
 from icymoon.physics.surfaces import albedos, photometry
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance
@@ -238,7 +239,7 @@ def depth_error(figure: Figure) -> None:
     for k, name in enumerate(preset_files.preset_names("rigs")):
         rig, title = described(name).rig, preset_files.preset_header(name)[0]
         axes.loglog(depth, [100 * stereo_geometry.depth_error_m(z, rig, 0.25) for z in depth], "-" if k % 2 else "--",
-                    label=f"{title}, f·B {stereo_geometry.focal_px(rig) * rig.baseline_m:.0f} px·m")
+                    label=f"{title}, f·B {focal_px(rig) * rig.baseline_m:.0f} px·m")
     axes.set(xlabel="Depth, m", ylabel="Depth error for 0.25 px, cm")
     axes.legend(fontsize=8)
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import bpy
 
-from ...physics.camera.stereo_geometry import focal_px
 from ...physics.light.planet_face import face_tint
 from ...physics.light.saturn_rings import ring_mesh
 from ...physics.light.sky import Sky, check_body, sky_facts
@@ -16,6 +15,7 @@ from ...physics.light.sky import sky as sky_of
 from ...physics.light.stars import stars_above_horizon
 from ...physics.light.sunlight import sun_colour
 from ...physics.mesh.horizon import dip_deg
+from ...physics.rig.focal_length import focal_px
 from ...physics.scene_requirements import planet_gives_light
 from ...physics.terrain.skyline import skyline_advice
 from ...typed_settings import Settings

@@ -11,8 +11,8 @@ import bpy
 
 from ... import compat
 from ...labels import NORMAL_AOV, ROCK, TERRAIN
-from ...physics.camera.stereo_geometry import focal_px
 from ...physics.random_numbers.seeds import generator
+from ...physics.rig.focal_length import focal_px
 from ...physics.scene_requirements import only_camera_meets_relief
 from ...physics.surfaces import principled
 from ...physics.surfaces.hapke import from_settings

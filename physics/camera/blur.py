@@ -14,7 +14,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...typed_settings import RigSettings, Settings
-from .stereo_geometry import focal_px
+from ..rig.focal_length import focal_px
 
 #: Relative difference of exposure or aperture from which on a warning is given.
 _DIFFERENT = 0.01

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from ...typed_settings import RigSettings
-from .stereo_geometry import focal_px
+from ..rig.focal_length import focal_px
 
 #: Share of the camera's height that relief of unknown height may reach. Over 8 sites and 4 headings of rough ice and
 #: each of the six shipped rigs, no pose loses more than 1 % of its disparities; with 0.3, up to 25 % of them do.

@@ -11,17 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...typed_settings import RigSettings
+from ..rig.focal_length import focal_px
 
 #: Width of triangles over the camera's height up to which the depth of a plane is right to 1e-4; and how far it is off
 #: for each such height of width: at most 0.9e-7, measured from 0.1 to 5e5 heights, a rounding of single precision.
 _WIDEST, _OFF = 1000.0, 0.9e-7
 #: Rounding of coordinates, in pixels, that is told: a tenth of what stereo matchers measure.
 _ROUNDED_PX = 0.05
-
-
-def focal_px(rig: RigSettings) -> float:
-    """Focal length in pixels; the sensor width spans the image width, pixels are square."""
-    return float(rig.focal_length_mm) / float(rig.sensor_width_mm) * int(rig.width_px)
 
 
 def rounding_m(*coordinates_m: float) -> float:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...typed_settings import RigSettings, Settings, SurfaceSettings
+from ..rig.focal_length import focal_px
 
 #: Octaves of fine relief, each of half the wavelength and half the height of the one before.
 OCTAVES = 4
@@ -73,8 +74,7 @@ def displacement_advice(settings: Settings, spacing_m: float) -> list[str]:
 def nearest_m(rig: RigSettings) -> float:
     """Distance in metres of the nearest level ground that the images show; the camera's height if they look up."""
     half = (0.5 + float(rig.overscan)) * int(rig.height_px) + abs(float(rig.principal_y_px))
-    focal_px = rig.width_px * rig.focal_length_mm / rig.sensor_width_mm
-    down = math.radians(rig.pitch_deg) + math.atan(half / focal_px)
+    down = math.radians(rig.pitch_deg) + math.atan(half / focal_px(rig))
     return float(rig.height_m) / math.sin(down) if 0 < down < math.pi / 2 else float(rig.height_m)
 
 
@@ -112,7 +112,7 @@ def is_seen(rig: RigSettings, east_m: np.ndarray, north_m: np.ndarray, above_m: 
     ahead = east_m * math.sin(heading) + north_m * math.cos(heading)
     depth = ahead * math.cos(pitch) - above_m * math.sin(pitch)
     down = -ahead * math.sin(pitch) - above_m * math.cos(pitch)
-    scale = rig.sensor_width_mm / rig.focal_length_mm / rig.width_px
+    scale = 1.0 / focal_px(rig)
     larger = (1.0 + 2.0 * (rig.overscan + _MARGIN)) / 2.0
     wide = scale * (larger * rig.width_px + abs(rig.principal_x_px)) + math.tan(math.radians(abs(rig.toe_in_deg)))
     high = scale * (larger * rig.height_px + abs(rig.principal_y_px))

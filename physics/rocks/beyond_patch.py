@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...typed_settings import RocksSettings, Settings
+from ..rig.focal_length import focal_px
 from .size_laws import SizeLaw, size_law
 
 _STEPS = 2048  # of the table of distances; the trapezoidal rule is then within 1e-5
@@ -45,8 +46,7 @@ def view_beyond(settings: Settings) -> View | None:
     rocks, rig = settings.rocks, settings.rig
     if rocks.beyond_px == 0.0 or settings.mesh.kind != "GRADED" or settings.source.kind != "PROCEDURAL":
         return None
-    focal_px = rig.width_px * rig.focal_length_mm / rig.sensor_width_mm
-    return View(float(rocks.beyond_px) / focal_px, float(rig.height_m), float(settings.mesh.farthest_m))
+    return View(float(rocks.beyond_px) / focal_px(rig), float(rig.height_m), float(settings.mesh.farthest_m))
 
 
 def draw_beyond(rocks: RocksSettings, size_m: float, view: View, random: np.random.Generator) -> Drawn:

@@ -19,6 +19,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...files import PART, json_text, read_text, replace_if_unchanged, sha256
+from ...physics.rig.focal_length import focal_px
 from ...records import (
     COUNT,
     FILE_NAME,
@@ -75,8 +76,7 @@ class StereoCamera:
     @classmethod
     def from_settings(cls, rig: RigSettings) -> StereoCamera:
         """From the ``rig`` settings; the sensor width spans the image width, pixels are square."""
-        focal = rig.focal_length_mm / rig.sensor_width_mm * rig.width_px
-        return cls(rig.width_px, rig.height_px, focal, rig.width_px / 2 + rig.principal_x_px,
+        return cls(rig.width_px, rig.height_px, focal_px(rig), rig.width_px / 2 + rig.principal_x_px,
                    rig.height_px / 2 + rig.principal_y_px, rig.baseline_m,
                    math.ceil(rig.overscan * rig.width_px), math.ceil(rig.overscan * rig.height_px),
                    rig.toe_in_deg)

@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...physics.camera.nearest_ground import greatest_disparity_px
 from ...physics.camera.search_range import disparity_range_px
-from ...physics.camera.stereo_geometry import focal_px
+from ...physics.rig.focal_length import focal_px
 from ...typed_settings import Settings
 
 AUTO, TRUTH = "auto", "truth"

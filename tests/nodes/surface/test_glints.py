@@ -7,7 +7,7 @@ import pytest
 from icymoon.benchmarks.furnace import albedo as furnace
 from icymoon.labels import TERRAIN
 from icymoon.nodes.surface.ice_material import build_material
-from icymoon.physics.camera.stereo_geometry import focal_px
+from icymoon.physics.rig.focal_length import focal_px
 from icymoon.stereo.images.exr import read_truth, read_view
 from rendering import complete, empty_scene, render
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from icymoon.physics.camera.nearest_ground import greatest_disparity_px
 from icymoon.physics.camera.search_range import disparity_range_px, flat_disparities_px
-from icymoon.physics.camera.stereo_geometry import focal_px
+from icymoon.physics.rig.focal_length import focal_px
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_names
