@@ -93,7 +93,7 @@ class Worker:
                 if message["type"] == "done":
                     return [Path(folder) for folder in message["folders"]]
                 hear(message)
-            status, last = process.returncode, process.last_line
+            status, last = process.returncode, process.cause
             self.close()
             raise IcyMoonError(f"Blender ended without a result (status {status}): {last}")
         except IcyMoonError:

@@ -80,7 +80,7 @@ class Job:
             return f"{self.title} was stopped; {self.if_stopped}."
         if self.error or self.done:
             return self.error
-        return f"{self.title} ended without a result (status {self.process.returncode}): {self.process.last_line}"
+        return f"{self.title} ended without a result (status {self.process.returncode}): {self.process.cause}"
 
     def run_to_end(self) -> None:
         """Wait until the process has ended. Raises IcyMoonError if the job failed."""

@@ -400,7 +400,7 @@ def test_a_batch_that_is_stopped_leaves_nothing_but_pairs_and_the_next_one_goes_
     wait_until(lambda: any((drive / "set" / "pairs").glob("*.part")))
     process.cancel()
     messages = heard(process)
-    assert process.returncode == 130, process.last_line
+    assert process.returncode == 130, process.cause
     assert "done" not in {message["type"] for message in messages}
     (blender.parent / "behave.json").write_text("{}", encoding="utf-8")
     done = icymoon(*words)

@@ -34,7 +34,7 @@ def probe_blender(blender: str) -> dict[str, Any]:
             return message
         if message["type"] == "error":
             raise IcyMoonError(message["message"])
-    raise IcyMoonError(f"{blender}: {process.last_line}")
+    raise IcyMoonError(f"{blender}: {process.cause}")
 
 
 @lru_cache(maxsize=4)

@@ -104,7 +104,7 @@ def render_job(job: Job, blender: str, hear: Callable[[Message], None]) -> list[
         job.remove()
     if failure or not folders:
         raise IcyMoonError(failure or f"Blender ended without a result (status {process.returncode}): "
-                           f"{process.last_line}")
+                           f"{process.cause}")
     return folders
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import queue
+import re
 import subprocess
 import threading
 import time
@@ -23,6 +24,9 @@ from ...records import TEXT, find_fault, parse_json
 
 Message = dict[str, Any]
 _GRACE_S = 3.0
+_TRACEBACK = "Traceback (most recent call last):"
+#: What Blender prints at its end, whatever the reason.
+_FAREWELL = re.compile(r"Blender (quit|\d+\.\d+.*)|Error: script failed, .*, exiting\.")
 
 
 def emit(kind: str, **facts: Any) -> None:
@@ -48,9 +52,18 @@ class ProcessOutput:
         return message
 
     @property
-    def last_line(self) -> str:
-        """The last line that was not a message, for an error that the process could not state."""
-        return next((line for line in reversed(self._tail) if line.strip()), "it printed nothing")
+    def cause(self) -> str:
+        """The line that tells best why it ended, for an error that the process could not state.
+
+        It is the error of the last traceback, else the last line that was neither a message nor Blender's farewell.
+        """
+        lines = [line for line in self._tail if line.strip()]
+        of_traceback = None
+        for position, line in enumerate(lines):
+            if _TRACEBACK in line:
+                of_traceback = next((each for each in lines[position + 1:] if not each[0].isspace()), None)
+        return of_traceback or next((line for line in reversed(lines) if not _FAREWELL.fullmatch(line)),
+                                    lines[-1] if lines else "it printed nothing")
 
 
 @contextmanager

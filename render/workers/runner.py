@@ -213,7 +213,7 @@ class Runner:
         if worker.fatal:
             raise IcyMoonError(worker.error)
         self._silent_ends = 0 if worker.spoke else self._silent_ends + 1
-        why = worker.error or f"Blender ended (status {worker.process.returncode}): {worker.process.last_line}"
+        why = worker.error or f"Blender ended (status {worker.process.returncode}): {worker.process.cause}"
         if self._silent_ends >= MOST_CRASHES:
             raise IcyMoonError(f"The worker does not start: {why}.")
         if worker.current and not is_complete(self._dataset / "pairs" / worker.current):

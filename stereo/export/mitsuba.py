@@ -90,7 +90,7 @@ def write_geometry(pairs: Sequence[Pair], out: Path, blender: str, hear: Callabl
         finally:
             job.discard()
     if failure or not done:
-        raise IcyMoonError(failure or f"Blender ended without geometry: {process.last_line}")
+        raise IcyMoonError(failure or f"Blender ended without geometry: {process.cause}")
 
 
 def write_scene(pair: Pair, folder: Path) -> Path:

@@ -179,7 +179,7 @@ def test_what_is_left_running_is_evaluated_too(described, tmp_path):
 
 def test_a_data_set_without_its_evaluation_is_not_done():
     said = [{"type": "progress", "fraction": 1.0, "message": "2 of 2 pairs"}, {"type": "done", "pairs": 2}]
-    process = stand_in(cancelled=False, poll=lambda: said, running=True, returncode=1, last_line="Killed")
+    process = stand_in(cancelled=False, poll=lambda: said, running=True, returncode=1, cause="Killed")
     job = dataset.DatasetJob("Render Data Set", process, dataset._note_pairs, lambda: None)
     job.evaluates = True
     job.advance()

@@ -103,7 +103,7 @@ def test_a_process_is_heard_in_order_and_its_noise_is_kept():
                       "print('{not json'); print('Cycles says hello')")
     assert [m["k"] for m in process.wait_for_messages()] == [0, 1, 2]
     assert process.returncode == 0
-    assert process.last_line == "Cycles says hello"
+    assert process.cause == "Cycles says hello"
 
 
 def test_a_process_that_ignores_the_request_is_made_to_stop():

@@ -35,7 +35,7 @@ def test_it_is_heard_to_the_end(tmp_path):
     process = start(tmp_path, TALKS, "5")
     assert [m["fraction"] for m in heard(process)] == [0, 1, 2, 3, 4]
     assert process.returncode == 0
-    assert process.last_line == "last words"
+    assert process.cause == "last words"
     assert not process.running
     assert find_left_running(tmp_path) is None
 
@@ -53,7 +53,7 @@ def test_it_goes_on_without_its_watcher_and_is_heard_again(tmp_path):
     assert second.facts["dataset"] == "here"
     assert find_left_running(tmp_path) is None  # and now again
     assert [m["fraction"] for m in heard(second)] == list(range(60))  # from the beginning: nothing is missed
-    assert second.last_line == "last words"
+    assert second.cause == "last words"
 
 
 def test_it_outlives_the_python_that_started_it(tmp_path):
