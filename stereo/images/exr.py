@@ -122,7 +122,8 @@ def _read_channels(path: Path, eye: str | None, passes: Collection[str] = (), wi
         for name, values in pixels.items():
             words = name.split(".")
             view = view_of_part or next((word for word in words if word in EYES), None)
-            if len(words) < 3 or (eye and view and view != eye):
+            # Blender 4 writes all passes in one part, which cannot be read without some of them.
+            if len(words) < 3 or (eye and view and view != eye) or ".".join(words[:2]) in without:
                 continue
             channels[words[0], words[1], words[-1]] = values
     return channels

@@ -59,8 +59,7 @@ def test_a_view_is_the_same_without_passes_that_nobody_needs(tmp_path, layout):
     view = read_view(folder / "left.exr", "left", (*OBJECT_PASSES, *NORMAL_PASSES, *GROUP_PASSES))
     for name in ("radiance", "depth", "semantic"):
         np.testing.assert_array_equal(getattr(view, name), getattr(whole, name))
-    left_out = layout == "5.x"  # other files have one part, which is read whole
-    assert (view.instance is None, view.normal is None, not view.groups) == (left_out,) * 3
+    assert (view.instance is None, view.normal is None, not view.groups) == (True,) * 3
 
 
 def test_ids_are_rounded(tmp_path):
