@@ -172,6 +172,15 @@ def brightness_wm2(light: LightSettings, slope_deg: float = 0.0) -> float:
     return float(max(slope, sun["ground_irradiance_wm2"]) + planet.get("ground_irradiance_wm2", 0.0))
 
 
+def planetshine_wm2(light: LightSettings) -> float:
+    """Irradiance from the planet, in W/m², of ground that faces it; 0 without one or if the sky cannot be computed."""
+    try:
+        planet = _facts(tuple(light.items()), bpy.data.filepath)["planet"]
+    except IcyMoonError:
+        return 0.0
+    return float(planet["irradiance_wm2"]) if planet else 0.0
+
+
 @lru_cache(maxsize=8)
 def _facts(light: tuple[tuple[str, Any], ...], blend: str) -> dict[str, Any]:
     return sky_facts(sky(LightSettings(light), str(Path(blend).parent) if blend else None))

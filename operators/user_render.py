@@ -50,6 +50,7 @@ def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
     cycles_settings.apply(scene, settings.quality, int(settings.dataset.seed),
                           through=clear_rocks(settings))
     scene.cycles.shading_system = uses_osl
+    scene.cycles.sampling_pattern = "AUTOMATIC"  # a view whose first light paths are spread evenly over the pixels
     if not 0 < scene.cycles.preview_samples <= _VIEW_SAMPLES:  # 0 has no end
         scene.cycles.preview_samples = _VIEW_SAMPLES
     scene.view_settings.exposure, scene.view_settings.gamma = exposure, gamma

@@ -2,6 +2,9 @@
 
 The images show numbers of the camera that are proportional to the light, as Blender's view transform *Raw* shows it.
 The exposure time of auto exposure depends on the image, so it is estimated until a pair was rendered.
+
+Cycles asks one light for each light path, all as often. So half of the pixels of its first picture are black where a
+planet shines too, however faint. Views are without planetshine that nobody could see in them; renders have it.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ import bpy
 from .. import scene_properties
 from ..errors import IcyMoonError
 from ..nodes import scene as scenes
+from ..nodes.datablocks.fingerprint import TAG
 from ..physics.camera.sensor import capacity_e
 from ..physics.light.photons import pixel_pitch_m
 from ..physics.surfaces import albedos
@@ -31,6 +35,8 @@ EXPOSED, MEASURED = "icymoon_view_exposure", "icymoon_measured_brightness"
 #: Slope toward the Sun of the brightest hundredth of the ground, as a multiple of the mean square slope.
 _STEEPEST = 2.0
 _MOST = 10.0  # exposure of the view, up or down
+#: The light of ground that faces the planet, as a share of white, below which nobody sees it: a step of 8 bits.
+_UNSEEN = 1 / 255
 
 
 def white_of(settings: Settings, measured: float = 1.0) -> float:
@@ -47,9 +53,13 @@ def white_of(settings: Settings, measured: float = 1.0) -> float:
 
 def _brightest(settings: Settings) -> float:
     """About the radiance of the ground's brightest hundredth, W/(m² sr)."""
+    wm2 = sidebar_text.brightness_wm2(settings.light, _STEEPEST * settings.terrain.rms_slope_deg)
+    return wm2 * _albedo(settings) / math.pi
+
+
+def _albedo(settings: Settings) -> float:
     found = albedos.albedos(settings.surface, settings.hapke)
-    albedo = max(found.bond if found else settings.surface.albedo, 0.02)
-    return sidebar_text.brightness_wm2(settings.light, _STEEPEST * settings.terrain.rms_slope_deg) * albedo / math.pi
+    return max(found.bond if found else settings.surface.albedo, 0.02)
 
 
 def expose(scene: bpy.types.Scene, settings: Settings, anew: bool = False) -> None:
@@ -58,7 +68,10 @@ def expose(scene: bpy.types.Scene, settings: Settings, anew: bool = False) -> No
     An exposure that the user has set stays, unless ``anew``.
     """
     collection = scenes.find_collection(scene)
-    if collection is None or not (anew or is_ours(scene)):
+    if collection is None:
+        return
+    if not (anew or is_ours(scene)):
+        _show_planetshine(collection, True)
         return
     present = changes.response(scene_properties.read_unchecked(scene.icymoon))
     stored = collection.get(MEASURED)  # of a file, which anyone may have written
@@ -67,6 +80,25 @@ def expose(scene: bpy.types.Scene, settings: Settings, anew: bool = False) -> No
     if white > 0:
         scene.view_settings.exposure = max(-_MOST, min(_MOST, -math.log2(white)))
         collection[EXPOSED] = scene.view_settings.exposure
+    planet_wm2 = sidebar_text.planetshine_wm2(settings.light)
+    _show_planetshine(collection, white <= 0 or planet_wm2 * _albedo(settings) / math.pi > _UNSEEN * white)
+
+
+def _show_planetshine(collection: bpy.types.Collection, shown: bool) -> None:
+    """Show or hide planetshine in 3D Views."""
+    for lamp in _planetshine(collection):
+        if lamp.hide_viewport is shown:
+            lamp.hide_viewport = not shown
+
+
+def _planetshine(collection: bpy.types.Collection) -> list[bpy.types.Object]:
+    return [item for item in collection.all_objects if item.get(TAG) == "planetshine"]
+
+
+def is_without_planetshine(scene: bpy.types.Scene) -> bool:
+    """Whether planetshine that is too faint to be seen is left out of the 3D Views."""
+    collection = scenes.find_collection(scene)
+    return collection is not None and any(lamp.hide_viewport for lamp in _planetshine(collection))
 
 
 def is_ours(scene: bpy.types.Scene) -> bool:

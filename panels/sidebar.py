@@ -90,7 +90,8 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
             draw_lines(layout, shown, "INFO")
             scene = context.scene
             told = view_line(context.space_data, scene.render.engine, view_exposure.how_exposed(scene),
-                             view_resolution.is_coarse(scene), first_picture.is_shown(scene))
+                             view_resolution.is_coarse(scene), first_picture.is_shown(scene),
+                             view_exposure.is_without_planetshine(scene))
             draw_sentence(layout, told, "SHADING_RENDERED")
         draw_job(layout)
 

@@ -9,11 +9,13 @@ _TRACED = {"": "as the pair, but for noise", "other": "as the pair, but for expo
            "estimated": "as the pair, exposure estimated until one is rendered"}
 
 
-def view_line(space: Any, engine: str, exposed: str = "other", coarse: bool = False, covered: bool = False) -> str:
+def view_line(space: Any, engine: str, exposed: str = "other", coarse: bool = False, covered: bool = False,
+              without_planetshine: bool = False) -> str:
     """How what a 3D View shows differs from a pair, if the scene has this render engine; empty without a view.
 
     ``exposed`` is one of the keys of ``_TRACED``. A ``coarse`` view has larger pixels than the user has chosen, a
-    ``covered`` one shows the picture by which the scene was chosen.
+    ``covered`` one shows the picture by which the scene was chosen, one ``without_planetshine`` leaves it out as too
+    faint to see.
     """
     if space is None:
         return ""
@@ -32,5 +34,6 @@ def view_line(space: Any, engine: str, exposed: str = "other", coarse: bool = Fa
     if shading.type == "RENDERED" and engine == "CYCLES":
         if covered:
             return f"{name}: a picture of the scene until it is clear"
-        return f"{name}: {_TRACED[exposed]}{', at half resolution' if coarse else ''}"
+        return (f"{name}: {_TRACED[exposed]}{', at half resolution' if coarse else ''}"
+                f"{', without faint planetshine' if without_planetshine else ''}")
     return f"{name} by EEVEE: approximate light and shadows"

@@ -12,7 +12,7 @@ from icymoon import scene_properties
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import parts
-from icymoon.operators import live_preview, refine
+from icymoon.operators import live_preview, refine, view_exposure
 from icymoon.operators.render import bring_up_to_date
 from icymoon.operators.sidebar_text import plain
 from icymoon.panels import previews
@@ -58,6 +58,14 @@ def is_as_built_at_once(built: scenes.Built) -> bool:
     shown = parts(built.collection)
     scenes.clear(bpy.context.scene)
     return shown == parts(scenes.build(bpy.context.scene, settings()).collection)
+
+
+@pytest.mark.usefixtures("watched")
+def test_faint_planetshine_is_in_no_view_of_it():
+    choose(RIDGES)
+    assert view_exposure.is_without_planetshine(bpy.context.scene)
+    look()
+    assert view_exposure.is_without_planetshine(bpy.context.scene)
 
 
 def test_a_chosen_scene_is_coarse_at_once_and_then_as_build_scene_makes_it(watched):

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+import math
+
 import bpy
 import pytest
 from icymoon import scene_properties
@@ -99,3 +102,45 @@ def test_any_value_in_a_file_counts_as_none(built, evil):
     collection[view_exposure.EXPOSED] = evil
     view_exposure.expose(built, scene_properties.read_settings(built.icymoon))
     assert built.view_settings.exposure == before
+
+
+@pytest.fixture
+def under_jupiter(built):
+    """Planetshine of a few ten-thousandths of the sunlight, as on Europa."""
+    built.icymoon.light.planet, built.icymoon.light.planet_elevation_deg = True, 50.0
+    bpy.ops.icymoon.build_scene()
+    return built
+
+
+def lamp(scene) -> bpy.types.Object:
+    return next(item for item in scenes.find_collection(scene).all_objects if item.get("icymoon") == "planetshine")
+
+
+def test_planetshine_that_nobody_can_see_is_only_in_renders(under_jupiter):
+    """A light more halves the share of the first light paths that reach the Sun."""
+    facts = json.loads(next(item["icymoon_sky"] for item in under_jupiter.objects if "icymoon_sky" in item))
+    irradiance = facts["planet"]["irradiance_wm2"]
+    assert 0 < irradiance < 4e-3 * facts["sun"]["irradiance_wm2"]
+    assert lamp(under_jupiter).hide_viewport
+    assert not lamp(under_jupiter).hide_render
+    assert not scenes.find(under_jupiter).edited
+    assert view_exposure.is_without_planetshine(under_jupiter)
+    # What it adds at most, to ground that faces it, is less than a step of 8 bits.
+    assert irradiance / math.pi * 2.0 ** under_jupiter.view_settings.exposure < 1 / 255
+
+
+def test_planetshine_that_can_be_seen_is_shown(under_jupiter):
+    group = under_jupiter.icymoon
+    group.sensor.auto_exposure, group.sensor.exposure_s = False, 10.0
+    assert not lamp(under_jupiter).hide_viewport
+    group.sensor.auto_exposure = True
+    assert lamp(under_jupiter).hide_viewport
+    under_jupiter.view_settings.exposure = 8.0  # by the user, who looks into the shadows
+    bpy.ops.icymoon.build_scene()
+    assert not view_exposure.is_without_planetshine(under_jupiter)
+
+
+def test_planetshine_is_shown_at_night(under_jupiter):
+    under_jupiter.icymoon.light.sun_elevation_deg = -30.0
+    bpy.ops.icymoon.build_scene()
+    assert not lamp(under_jupiter).hide_viewport

@@ -42,3 +42,5 @@ def test_a_view_that_is_not_yet_as_the_pair_says_so():
     assert "picture of the scene" in covered
     assert "as the pair" not in covered
     assert "picture" not in view_line(view("SOLID"), "CYCLES", covered=True)  # there it is not drawn
+    assert "planetshine" in view_line(view("RENDERED"), "CYCLES", "", without_planetshine=True)
+    assert "planetshine" not in view_line(view("SOLID"), "CYCLES", "", without_planetshine=True)
