@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from .errors import IcyMoonError
     from .library.evaluation import Evaluation, evaluate
+    from .library.ground import export_ground
     from .library.rendered_pair import RenderedEye, RenderedPair, open_pair, open_pairs
     from .library.renderers import InProcess, Worker
     from .library.scene import Scene
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 _NAMES = {"Evaluation": "library.evaluation", "IcyMoonError": "errors", "InProcess": "library.renderers",
           "RenderedEye": "library.rendered_pair", "RenderedPair": "library.rendered_pair", "Scene": "library.scene",
           "Sweep": "library.sweep", "SweepPoint": "library.sweep", "Worker": "library.renderers",
-          "evaluate": "library.evaluation", "open_pair": "library.rendered_pair",
+          "evaluate": "library.evaluation", "export_ground": "library.ground", "open_pair": "library.rendered_pair",
           "open_pairs": "library.rendered_pair", "preset_names": "settings.preset_files"}
 #: The module ``icymoon.torch``. A file of this name at the root would hide PyTorch from whoever runs there.
 _MODULES = {"torch": "stereo.torch_data"}
@@ -40,6 +41,7 @@ __all__ = [
     "SweepPoint",
     "Worker",
     "evaluate",
+    "export_ground",
     "open_pair",
     "open_pairs",
     "preset_names",

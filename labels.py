@@ -5,6 +5,7 @@ HIDDEN = "Hidden"  # pass of the layer TRUTH: 1 where the point is hidden from t
 SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
 UV_LAYER = "UVMap"  # of the ground, where it has texture coordinates
 NORMAL_AOV = "GeometricNormal"  # value pass: the facet's normal, without bump or smooth shading
+ALBEDO_AOV = "Albedo"  # value pass of maps of the ground only
 
 #: Light groups of the Beauty layer, each a pass ``Combined_<group>``, and the setting that weighs it.
 LIGHT_GROUPS = {"Sun": "sun_scale", "Planet": "planet_scale"}

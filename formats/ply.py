@@ -184,10 +184,11 @@ def _read_binary_table(path: Path, start: int, count: int, declared: tuple[tuple
     return {words[-1]: np.asarray(table[words[-1]]) for words in declared}
 
 
-def write_triangles(path: Path, vertices: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None = None) -> None:
+def write_triangles(path: Path, vertices: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None = None,
+                    comments: tuple[str, ...] = ()) -> None:
     """Write positions (n, 3), indices (m, 3) and normals (n, 3) of a mesh as a binary PLY file in single precision."""
     names = ("x", "y", "z", *(("nx", "ny", "nz") if normals is not None else ()))
-    data = encode_triangles(names, vertices if normals is None else np.hstack([vertices, normals]), triangles)
+    data = encode_triangles(names, vertices if normals is None else np.hstack([vertices, normals]), triangles, comments)
 
     def write(part: Path) -> None:
         part.write_bytes(data)

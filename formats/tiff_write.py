@@ -22,13 +22,14 @@ _ASCII, _SHORT, _LONG, _DOUBLE = (2, "s"), (3, "H"), (4, "I"), (12, "d")
 class Place:
     """Where a north-up image lies: the size of a pixel and the outer corner of the north-west one, in metres.
 
-    ``frame`` names the coordinate system, in a sentence.
+    ``frame`` names the coordinate system, in a sentence; ``heights`` is whether values are heights in metres.
     """
 
     pixel_m: float
     west_m: float
     north_m: float
     frame: str
+    heights: bool = True
 
 
 def encode_tiff(pixels: np.ndarray, place: Place | None = None, description: str = "") -> bytes:
@@ -59,10 +60,10 @@ def encode_tiff(pixels: np.ndarray, place: Place | None = None, description: str
 
 
 def _place_tags(place: Place, floats: bool) -> dict[int, tuple[tuple[int, str], list[float] | bytes]]:
-    """Scale, tie point and GeoKeys of a user-defined map in metres, whose heights are metres too."""
+    """Scale, tie point and GeoKeys of a user-defined map in metres, which readers take for a local frame."""
     name = place.frame.encode("ascii", "replace") + b"|"
     keys = [(1024, 0, 1, 1), (1025, 0, 1, 1), (1026, 34737, len(name), 0), (3072, 0, 1, 32767), (3076, 0, 1, 9001),
-            (4099, 0, 1, 9001)]
+            *([(4099, 0, 1, 9001)] if place.heights else [])]
     directory = [1, 1, 0, len(keys), *(number for key in keys for number in key)]
     return {33550: (_DOUBLE, [place.pixel_m, place.pixel_m, 0.0]),
             33922: (_DOUBLE, [0.0, 0.0, 0.0, place.west_m, place.north_m, 0.0]),

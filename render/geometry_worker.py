@@ -1,9 +1,10 @@
 """The program that writes the geometry of pairs, for other renderers, in a Blender of its own.
 
-    __main__.py geometry JOB.json FOLDER
+    __main__.py geometry JOB.json FOLDER [FORMAT [CELL_M]]
 
-The job is that of ``worker``. For each of its pairs, the folder of its id gets ``geometry.json`` and a PLY file of each
-kind of object, as Cycles gets it: evaluated, in the world, as triangles with the normals that shading uses.
+The job is that of ``worker``. For each of its pairs, the folder of its id gets ``geometry.json`` and, by the format,
+meshes of each kind of object (``ply``, ``obj``, ``usd``), as Cycles gets them: evaluated, in the world, as triangles
+with the normals that shading uses; or maps (``dem``), see ``ground_files``.
 """
 
 from __future__ import annotations
@@ -17,9 +18,18 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..files import write_json
-from ..formats.ply import write_triangles
 from ..labels import PLANET, SEMANTIC
-from ..nodes.scene import Built
+from ..nodes.datablocks.blend_file_paths import content
+from ..nodes.scene import Built, extra
+from ..nodes.surface.reflectance_laws import OF_NODES
+from ..physics.camera.blur import blur_identity
+from ..physics.scene_requirements import surface_topics
+from ..physics.surfaces import principled
+from ..settings.description import digest, merged
+from ..typed_settings import Settings
+from .ground_files import Triangles, frame_facts, write_map, write_meshes
+from .ground_maps import make_ground_map
+from .plans.planned_pair import PlannedPair
 from .scene_source import ScenesFromSettings
 from .worker import pairs_of_job, run_to_exit
 from .workers.job import read_job
@@ -39,11 +49,10 @@ class _Triangles:
         self._parts.append((vertices, normals, triangles + self._count))
         self._count += len(vertices)
 
-    def write(self, path: Path) -> int:
-        """Write all as a PLY file; the number of triangles."""
+    def join(self) -> Triangles:
+        """All as one mesh."""
         vertices, normals, triangles = (np.concatenate(parts) for parts in zip(*self._parts, strict=True))
-        write_triangles(path, vertices, triangles, normals)
-        return len(triangles)
+        return vertices, normals, triangles
 
 
 def mesh_triangles(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -80,12 +89,40 @@ def _label(mesh: bpy.types.Mesh) -> int:
     return material.pass_index if material is not None else 0
 
 
-def write_geometry(built: Built, scene: bpy.types.Scene, folder: Path) -> dict[str, Any]:
-    """Write the meshes of a built scene that ``scene`` renders; what ``geometry.json`` contains.
+def write_geometry(built: Built, scene: bpy.types.Scene, folder: Path, kind: str = "ply",
+                   cell_m: float | None = None) -> dict[str, Any]:
+    """Write the ground of a built scene that ``scene`` renders in a format; what ``geometry.json`` contains.
 
     The planet, its rings and stars are left out: they are no geometry of the site. Relief that only a material has is
-    left out too, and named under ``left_out``.
+    left out of meshes too, and named under ``left_out``.
     """
+    facts = frame_facts(built.settings)
+    if kind == "dem":
+        made = make_ground_map(built, scene, folder, cell_m)
+        facts |= write_map(made, built.settings, folder) | {"left_out": _left_out_of_maps(built.settings)}
+    else:
+        kinds = _collect(scene)
+        names = write_meshes(kinds, kind, built.settings, folder)
+        relief = built.settings.surface.grain_amplitude_m > 0
+        facts |= {"files": names, "meshes": {each: {"triangles": len(mesh[2])} for each, mesh in kinds.items()},
+                  "left_out": ["surface.grain_amplitude_m: relief that is finer than the mesh"] if relief else []}
+    write_json(folder / "geometry.json", facts)
+    return facts
+
+
+def _left_out_of_maps(settings: Settings) -> list[str]:
+    """What the maps do not have of what is rendered, a sentence each."""
+    found = []
+    if settings.surface.grain_amplitude_m > 0 and settings.surface.relief != "DISPLACEMENT":
+        found.append("surface.grain_amplitude_m: relief where it is shading only, as it is where the mesh is coarser")
+    if settings.rocks.coverage > 0 and any(principled.lets_light_through(settings[topic])
+                                           for topic in surface_topics(settings)):
+        found.append("clear ice: such rocks have the albedo of the rest of their ice")
+    return found
+
+
+def _collect(scene: bpy.types.Scene) -> dict[str, Triangles]:
+    """The meshes that ``scene`` renders, in the world, by kind. Raises IcyMoonError if there are none."""
     scene.view_layers[0].update()
     kinds: dict[str, _Triangles] = {}
     known: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
@@ -104,28 +141,39 @@ def write_geometry(built: Built, scene: bpy.types.Scene, folder: Path) -> dict[s
             vertices @ matrix[:3, :3].T + matrix[:3, 3], turned, triangles)
     if not kinds:
         raise IcyMoonError("The scene has no meshes to write; build a ground first.")
-    relief = built.settings.surface.grain_amplitude_m > 0
-    facts = {"meshes": {kind: {"file": f"{kind}.ply", "triangles": found.write(folder / f"{kind}.ply")}
-                        for kind, found in kinds.items()},
-             "left_out": ["surface.grain_amplitude_m: relief that is finer than the mesh"] if relief else []}
-    write_json(folder / "geometry.json", facts)
-    return facts
+    return {kind: found.join() for kind, found in kinds.items()}
 
 
-def run_job(job: dict[str, Any], folder: Path, send: Callable[..., None] = emit) -> None:
-    """Write the geometry of each pair of a job. Raises IcyMoonError for what a user can fix."""
+def _without_quality(planned: PlannedPair) -> PlannedPair:
+    """The same ground, asked for so that any Blender can make it: without denoiser, graphics card and OSL.
+
+    A pair that is not what its id names, as where a file has changed, stays as it is, and is refused as in a render.
+    """
+    settings = planned.settings
+    known = (digest(settings, content(settings) + nodes + blur_identity(settings)) for nodes in ("", OF_NODES))
+    if planned.id not in known:
+        return planned
+    plain = merged(settings, {"quality": {"denoiser": "NONE", "device": "CPU"}, "hapke": {"backend": "AUTO"}})
+    return PlannedPair(digest(plain, extra(plain) + blur_identity(plain)), plain, 0.0)
+
+
+def run_job(job: dict[str, Any], folder: Path, send: Callable[..., None] = emit, kind: str = "ply",
+            cell_m: float | None = None) -> None:
+    """Write the ground of each pair of a job in a format. Raises IcyMoonError for what a user can fix."""
     if job.get("blend"):
         raise IcyMoonError("The geometry of a scene in a .blend file cannot be written; give settings or pairs.")
     pairs = pairs_of_job(job)
     with ScenesFromSettings(lambda warning: send("warning", message=warning)) as source:
         for k, planned in enumerate(pairs):
             send("progress", fraction=k / len(pairs), message=f"Geometry {k + 1} of {len(pairs)}")
-            built, scene, _ = source.prepare(planned)
-            write_geometry(built, scene, folder / planned.id)
+            built, scene, _ = source.prepare(_without_quality(planned))
+            write_geometry(built, scene, folder / planned.id, kind, cell_m)
     send("done", folders=[str(folder / planned.id) for planned in pairs])
 
 
 def main(arguments: list[str]) -> int:
-    """Run the job in a file, the first argument, into a folder, the second, and end the process."""
-    job, folder = Path(arguments[0]), Path(arguments[1])
-    run_to_exit(lambda: run_job(read_job(job), folder), lambda: _NO_MEMORY)
+    """Run the job in a file, the first argument, into a folder, the second, and end the process; the third is the
+    format, the fourth the size of a cell in metres."""
+    job, folder, kind = Path(arguments[0]), Path(arguments[1]), (arguments[2:3] or ["ply"])[0]
+    cell_m = float(arguments[3]) if len(arguments) > 3 else None
+    run_to_exit(lambda: run_job(read_job(job), folder, emit, kind, cell_m), lambda: _NO_MEMORY)

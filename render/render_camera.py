@@ -22,7 +22,7 @@ from .pairs.pair_folder import StereoCamera
 
 #: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
 #: that ``quality`` sets: half a bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.
-_SAMPLE_OFFSET_PX = 5.4e-4
+SAMPLE_OFFSET_PX = 5.4e-4
 #: Parts of a lens; what it has of Cycles' own is a part until 4.5.
 _PARTS = ("stereo", "dof", "cycles")
 _OF_ANY_DATABLOCK = {prop.identifier for prop in bpy.types.ID.bl_rna.properties}
@@ -102,7 +102,7 @@ def _set_frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCam
     wider = width / camera.width_px
     lens.sensor_width *= wider
     # Shifted by what Cycles' sampling is off the pixel centre, so that truth is exact.
-    lens.shift_x, lens.shift_y = (shift / wider - _SAMPLE_OFFSET_PX / width for shift in (lens.shift_x, lens.shift_y))
+    lens.shift_x, lens.shift_y = (shift / wider - SAMPLE_OFFSET_PX / width for shift in (lens.shift_x, lens.shift_y))
 
 
 @contextmanager

@@ -87,7 +87,8 @@ def _parser() -> argparse.ArgumentParser:
     what = command.add_mutually_exclusive_group(required=True)
     what.add_argument("--format", help="layout to write",
                       choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco", "raw", "cahvor", "colmap",
-                               "fits", "tiff", "ros2", "webdataset", "sceneflow", "mitsuba"))
+                               "fits", "tiff", "ros2", "webdataset", "sceneflow", "mitsuba", "dem", "ply", "obj",
+                               "usd"))
     what.add_argument("--for-prediction", action="store_true",
                       help="write only what a method on another machine needs: images and camera of each pair, foreign "
                       "ones too")
@@ -95,7 +96,9 @@ def _parser() -> argparse.ArgumentParser:
                          help="change the camera response that the pairs were rendered for")
     command.add_argument("--out", required=True, type=as_path, help="folder for the files")
     command.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy, that makes the "
-                         "meshes for mitsuba (this Python)")
+                         "ground for mitsuba, dem, ply, obj and usd (this Python)")
+    command.add_argument("--cell-m", type=float, metavar="METRES",
+                         help="side of a cell of dem (a 1024th of the ground)")
     command.set_defaults(run=_run_export)
 
     command = commands.add_parser("develop", help="expose rendered pairs again as PNG, without a new render")
@@ -242,6 +245,10 @@ def _run_truth(parsed: argparse.Namespace) -> int:
 
 
 def _run_export(parsed: argparse.Namespace) -> int:
+    if parsed.cell_m is not None and parsed.format != "dem":
+        raise IcyMoonError("--cell-m is the size of cells of a map; give it with --format dem.")
+    if parsed.format in ("dem", "ply", "obj", "usd"):
+        return _export_ground(parsed)
     packages.require("numpy", "cv2", "OpenEXR", "rich")
     from .export.layouts import export
     from .for_prediction import export_for_prediction
@@ -271,6 +278,24 @@ def _export_mitsuba(parsed: argparse.Namespace) -> int:
     with show_progress("Starting Blender") as show:
         export_mitsuba(pairs, parsed.out, parsed.blender,
                        lambda message: show(message) if message["type"] == "progress" else None)
+    print(parsed.out.resolve())
+    return 0
+
+
+def _export_ground(parsed: argparse.Namespace) -> int:
+    packages.require("numpy", "rich")
+    from ..render.pairs.pair_folder import find_pair_folders, read_pair
+    from .export.ground import export_ground
+
+    if parsed.set:
+        raise IcyMoonError("--set changes the response of the camera, which ground does not have; leave it out.")
+    pairs = {pair.id: pair for path in parsed.path for pair in map(read_pair, find_pair_folders(path))}
+    with show_progress("Starting Blender") as show:
+        folders = export_ground(list(pairs.values()), parsed.out, parsed.format, parsed.blender, parsed.cell_m,
+                                lambda message: show(message) if message["type"] == "progress" else None)
+    for folder in folders:
+        for sentence in json.loads((folder / "geometry.json").read_text(encoding="utf-8"))["left_out"]:
+            print(f"icymoon: {folder.name} is without {sentence}", file=sys.stderr)
     print(parsed.out.resolve())
     return 0
 

@@ -11,7 +11,7 @@ import icymoon
 
 #: The names of the package in the order of the page.
 ORDER = ("Scene", "RenderedPair", "RenderedEye", "open_pair", "open_pairs", "evaluate", "Evaluation", "Sweep",
-         "SweepPoint", "Worker", "InProcess", "preset_names", "torch", "IcyMoonError")
+         "SweepPoint", "Worker", "InProcess", "export_ground", "preset_names", "torch", "IcyMoonError")
 
 
 def page() -> str:

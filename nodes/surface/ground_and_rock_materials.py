@@ -106,22 +106,26 @@ def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | 
 
 
 def _build_named_material(name: str, settings: Settings, topic: str, semantic: int,
-                          textured: Textured | None, by_fineness: bool = False) -> bpy.types.Material:
+                          textured: Textured | None, by_fineness: bool = False,
+                          albedo_pass: bool = False) -> bpy.types.Material:
     material = build_material(f"{NAME} {name}", rendered_surface(settings, topic), int(settings.dataset.seed), semantic,
-                              textured, settings, by_fineness)
+                              textured, settings, by_fineness, albedo_pass)
     material[TAG] = "material"
     return material
 
 
-def build_ground_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
-    """The material of the ground with this mesh. Raises IcyMoonError if a texture is not available."""
+def build_ground_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> bpy.types.Material:
+    """The material of the ground with this mesh, see ``build_material``. Raises IcyMoonError if a texture is not
+    available."""
     return _build_named_material("Surface", settings, "surface", TERRAIN, _load_textures(settings, mesh),
-                                 SPACING in mesh.attributes)
+                                 SPACING in mesh.attributes, albedo_pass)
 
 
-def build_rock_material(settings: Settings, mesh: bpy.types.Mesh) -> bpy.types.Material:
-    """The material of rocks on the ground with this mesh. Raises IcyMoonError if a texture is not available."""
+def build_rock_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> bpy.types.Material:
+    """The material of rocks on the ground with this mesh, see ``build_material``. Raises IcyMoonError if a texture is
+    not available."""
     topic = "rock_surface" if settings.rocks.own_surface else "surface"
-    ice = _build_named_material("Rock Surface", settings, topic, ROCK, _load_rock_textures(settings, mesh))
+    ice = _build_named_material("Rock Surface", settings, topic, ROCK, _load_rock_textures(settings, mesh),
+                                albedo_pass=albedo_pass)
     label_instances(ice)
     return ice

@@ -25,6 +25,7 @@ from .glints import add_glints
 from .ground_colour import add_ground_colour
 from .ice_layers import WHITE
 from .patches_and_grain import GRAIN_FARTHEST, add_brightness, add_grain, add_grain_by_fineness, darkest
+from .shown_albedo import add_albedo_pass
 from .sun_inputs import Sun
 from .textures import Sampler, Textured
 
@@ -218,13 +219,14 @@ def _add_law(material: bpy.types.Material, surface: SurfaceSettings, settings: S
 
 def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int,
                    textured: Textured | None = None, settings: Settings | None = None,
-                   by_fineness: bool = False) -> bpy.types.Material:
+                   by_fineness: bool = False, albedo_pass: bool = False) -> bpy.types.Material:
     """A material from ``surface`` settings whose reflectance in a white furnace is its albedo.
 
     ``settings`` are those of the whole scene, which laws that depend on the Sun need. ``semantic`` is the label in the
     material-index pass. Fine relief is bump, so that the true depth is that of the mesh, or it displaces the vertices.
     REAL is both, if the mesh has the attribute ``SPACING``, which ``by_fineness`` states, and otherwise bump.
-    The geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump.
+    The geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump. With
+    ``albedo_pass`` the albedo goes to ``ALBEDO_AOV``.
     """
     material = bpy.data.materials.new(name)
     material.pass_index = semantic
@@ -300,5 +302,12 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
                   leave=[*output_leave, *(["Volume"] if volume is None else [])], target=target)
     tree.node("ShaderNodeOutputAOV", "Geometric Normal", {"Color": geometry.outputs["True Normal"], "Value": 0.0},
               aov_name=NORMAL_AOV)
+    if albedo_pass:
+        white = surface.model == "HAPKE" or bubbly is not None
+        reflectance = _add_reflectance(tree, surface | {"albedo": 1.0} if white else surface,
+                                       1.0 if surface.model == "HAPKE" else grey, colour)
+        frosted = (ice_layers.add_frost_share(tree, surface, geometry, frost_at)
+                   if surface.model == "PRINCIPLED" and surface.frost_share > 0.0 else None)
+        add_albedo_pass(tree, surface, settings, grey, reflectance, frosted)
     tree.arrange()
     return material

@@ -97,11 +97,15 @@ def uses_hapke(settings: Settings) -> bool:
     return any(settings[topic]["model"] == "HAPKE" for topic in topics)
 
 
+#: A part of the identity of scenes in which nodes replace OSL.
+OF_NODES = "Hapke of nodes"
+
+
 def osl_substitute(settings: Settings) -> str:
     """A text for the scene's identity if nodes replace OSL here, which the settings do not determine; else empty."""
     automatic = uses_hapke(settings) and settings.hapke.backend == "AUTO"
     of_osl = not automatic or choose_backend(settings.hapke, settings.quality.device)[0]
-    return "" if of_osl else "Hapke of nodes"
+    return "" if of_osl else OF_NODES
 
 
 def advice(settings: Settings) -> list[str]:

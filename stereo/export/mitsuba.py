@@ -27,12 +27,11 @@ from ...physics.light.sky import Sky, sky
 from ...physics.surfaces.hapke import porosity_factor
 from ...render.pairs.pair_folder import EYES, Pair
 from ...render.plans.planned_pair import PlannedPair
-from ...render.workers.job import Job, blender_command
-from ...render.workers.process import Message, Process
-from ...scratch import scratch_folder
+from ...render.workers.process import Message
 from ...typed_settings import Settings
 from ...version import ROOT
 from .encodings import write_pfm
+from .ground import build_geometry, refuse_edited
 
 #: Distance of the Sun's disk in metres, from where all of a ground sees it in the same direction.
 _SUN_M = 1e9
@@ -58,39 +57,15 @@ def export_mitsuba(pairs: Sequence[Pair], out: Path, blender: str,
     """
     for pair in pairs:
         _refuse(pair)
-    write_geometry(pairs, out, blender, hear)
+    build_geometry([PlannedPair(pair.id, pair.settings, 0.0) for pair in pairs], out, blender, hear)
     return [write_scene(pair, out / pair.id) for pair in pairs]
 
 
 def _refuse(pair: Pair) -> None:
-    if pair.data.get("edited_by_hand"):
-        raise IcyMoonError(f"{pair.folder} was edited by hand, so its meshes cannot be built again from its settings; "
-                           "export a pair that was rendered from settings.")
+    refuse_edited(pair)
     if pair.camera.toe_in_deg or pair.camera.rendered_px != (pair.camera.width_px, pair.camera.height_px):
         raise IcyMoonError(f"{pair.folder} has toe-in or overscan, which this export has not; render it without "
                            "rig.toe_in_deg and rig.overscan.")
-
-
-def write_geometry(pairs: Sequence[Pair], out: Path, blender: str, hear: Callable[[Message], None]) -> None:
-    """Let Blender write the meshes of pairs to ``<out>/<pair>/``. Raises IcyMoonError with its own sentence."""
-    planned = [PlannedPair(pair.id, pair.settings, 0.0) for pair in pairs]
-    failure = ""
-    with scratch_folder() as scratch:
-        job = Job(scratch, pairs=planned)
-        try:
-            process = Process(blender_command(blender, "geometry", str(job.file), str(out.absolute())))
-            done = False
-            try:
-                for message in process.wait_for_messages():
-                    hear(message)
-                    failure = message["message"] if message["type"] == "error" else failure
-                    done = done or message["type"] == "done"
-            finally:
-                process.stop()
-        finally:
-            job.discard()
-    if failure or not done:
-        raise IcyMoonError(failure or f"Blender ended without geometry: {process.cause}")
 
 
 def write_scene(pair: Pair, folder: Path) -> Path:

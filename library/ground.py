@@ -1,0 +1,39 @@
+"""The ground of scenes and pairs as files for other programs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from ..errors import IcyMoonError
+from ..render.pairs.pair_folder import read_pair
+from ..render.plans.planned_pair import expand_headings
+from ..scratch import scratch_folder
+from ..settings import user_files
+from ..stereo.export import ground
+from ..suggestions import nearest
+from .rendered_pair import RenderedPair, open_pairs
+from .renderers import this_blender
+from .scene import Scene
+
+
+def export_ground(of: Scene | RenderedPair | str | Path | Iterable[RenderedPair], out: str | Path, kind: str = "dem",
+                  *, cell_m: float | None = None, blender: str | Path | None = None) -> list[Path]:
+    """Write the ground of a scene, a pair, pairs or a data set, and return the folders that were written in ``out``.
+
+    ``kind`` is ``dem`` (GeoTIFF: heights of the ground, and of what lies on top, in metres, and albedo; cells of
+    ``cell_m``), ``ply``, ``obj`` or ``usd`` (meshes). All are in the site's frame, x east, y north, z up, in metres.
+    ``geometry.json`` beside them contains frame, units, and what the files lack. ``blender`` builds the ground, by
+    default this one. Raises IcyMoonError for another format, for cells that are too small, and for pairs that were
+    edited by hand.
+    """
+    if kind not in ground.FORMATS:
+        raise IcyMoonError(f"There is no format {kind!r} of ground, {nearest(kind, ground.FORMATS)}")
+    program, folder = str(blender or this_blender()), Path(out).absolute()
+    if isinstance(of, Scene):
+        with scratch_folder() as scratch:
+            settings = of.stored(scratch)
+            planned = expand_headings(settings, user_files.content(settings))[:1]
+            return ground.write_grounds(planned, folder, kind, program, cell_m)
+    pairs = [of] if isinstance(of, RenderedPair) else open_pairs(of) if isinstance(of, str | Path) else of
+    return ground.export_ground([read_pair(each.folder) for each in pairs], folder, kind, program, cell_m)

@@ -1,0 +1,218 @@
+"""Maps of a built scene from straight above, as Cycles gets it: heights and albedo on square cells, north up.
+
+An orthographic camera looks down on the ground and takes one sample at the centre of each cell, so relief that moves
+vertices and the shapes of rocks are in the heights, and nothing is blended at edges.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from .. import system
+from ..errors import IcyMoonError
+from ..formats.exr_layout import is_whole
+from ..formats.exr_pixels import decode_parts
+from ..labels import ALBEDO_AOV, ROCK, SKY_DEPTH_M, TERRAIN, TRUTH
+from ..nodes.datablocks.fingerprint import TAG, instanced_objects
+from ..nodes.ground.user_ground import is_from_file
+from ..nodes.scene import Built
+from ..nodes.surface.ground_and_rock_materials import build_ground_material, build_rock_material
+from ..nodes.surface.sun_inputs import prepare_for_cycles
+from . import cycles_settings, passes, separate_lights
+from .render_camera import SAMPLE_OFFSET_PX
+from .render_pair import first_line
+
+#: Cells along the longer side if none are asked for, and the most.
+CELLS, MOST_CELLS = 1024, 8192
+#: From the highest point to the camera, in metres.
+_ABOVE_M = 1.0
+
+
+@dataclass(frozen=True)
+class Extent:
+    """Cells of a map: their size, how many, and the outer corner of the north-west one; lengths in metres."""
+
+    cell_m: float
+    rows: int
+    columns: int
+    west_m: float
+    north_m: float
+
+
+@dataclass(frozen=True)
+class GroundMap:
+    """A map of a site, (rows, columns), north first, NaN where there is nothing.
+
+    ``ground_m`` are heights of the ground, ``surface_m`` of what lies on top, rocks included, both above the z = 0 of
+    the site's frame; ``albedo`` (rows, columns, 3) is that of ground and rocks in even light, in the bands R, G, B.
+    """
+
+    extent: Extent
+    ground_m: np.ndarray
+    surface_m: np.ndarray
+    albedo: np.ndarray
+
+
+def extent_of(built: Built, cell_m: float | None) -> Extent:
+    """The cells that cover a ground: its patch, or what is in the file that it is from.
+
+    Raises IcyMoonError for more than ``MOST_CELLS`` along a side.
+    """
+    if is_from_file(built.settings):
+        corners = np.array(built.terrain.bound_box) @ np.array(built.terrain.matrix_world)[:3, :3].T
+        corners = corners + np.array(built.terrain.matrix_world)[:3, 3]
+        (west, south), (east, north) = corners.min(axis=0)[:2], corners.max(axis=0)[:2]
+    else:
+        half = built.settings.terrain.size_m / 2
+        west, south, east, north = -half, -half, half, half
+    width, height = east - west, north - south
+    cell = cell_m or max(width, height) / CELLS
+    # Less than a millionth of a cell more makes no further one.
+    columns, rows = (max(1, int(np.ceil(side / cell - 1e-6))) for side in (width, height))
+    if max(columns, rows) > MOST_CELLS:
+        raise IcyMoonError(f"Cells of {cell:g} m are {columns} x {rows} on this ground, more than {MOST_CELLS} along a "
+                           f"side; give {max(width, height) / MOST_CELLS:.3g} m or more.")
+    middle_x, middle_y = (west + east) / 2, (south + north) / 2
+    return Extent(float(cell), rows, columns, float(middle_x - columns * cell / 2), float(middle_y + rows * cell / 2))
+
+
+def make_ground_map(built: Built, scene: bpy.types.Scene, folder: Path, cell_m: float | None = None) -> GroundMap:
+    """The map of a built scene that ``scene`` renders; images are written to ``folder`` meanwhile.
+
+    Raises IcyMoonError for cells that are too small, and where Cycles fails.
+    """
+    extent = extent_of(built, cell_m)
+    cycles_settings.apply(scene, built.settings.quality, 0)
+    layer = scene.view_layers[0]
+    pass_ = layer.aovs.add()
+    pass_.name, pass_.type = ALBEDO_AOV, "COLOR"
+    top_m = _highest_m(scene) + _ABOVE_M
+    with _albedo_materials(built), _look_down(scene, extent, top_m), _without_osl(scene, built):
+        whole = _render(scene, folder / "ground_map")
+        surface = _heights(whole, top_m)
+        rocks = [item for item in built.collection.all_objects if item.get(TAG) == "rock" and not item.hide_render]
+        for item in rocks:
+            item.hide_render = True
+        try:
+            ground = _heights(_render(scene, folder / "ground_map"), top_m) if rocks else surface
+        finally:
+            for item in rocks:
+                item.hide_render = False
+    layer.aovs.remove(pass_)
+    ours = np.isin(np.rint(_pass(whole, "Material Index", "IndexMA")[0]), (TERRAIN, ROCK)) & np.isfinite(surface)
+    albedo = np.stack(_pass(whole, ALBEDO_AOV), axis=-1)
+    return GroundMap(extent, ground, surface, np.where(ours[..., None], albedo, np.nan).astype(np.float32))
+
+
+@contextmanager
+def _without_osl(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
+    """Value passes are written, which Cycles does not do with Open Shading Language."""
+    prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
+    with separate_lights.disable_osl(scene):
+        yield
+
+
+def _highest_m(scene: bpy.types.Scene) -> float:
+    """Height of the highest corner of a box around a mesh of the site."""
+    scene.view_layers[0].update()
+    tops = [0.0]
+    for found in scene.view_layers[0].depsgraph.object_instances:
+        item = found.object
+        far = item.original.get(TAG) in ("planet", "rings", "stars")
+        if item.type == "MESH" and len(item.data.polygons) and not far:
+            matrix = np.array(found.matrix_world)
+            tops.append(float((np.array(item.bound_box) @ matrix[2, :3]).max() + matrix[2, 3]))
+    # Relief of a material may rise above the box.
+    return max(tops) + 1.0
+
+
+@contextmanager
+def _albedo_materials(built: Built) -> Iterator[None]:
+    """Ground and rocks have materials that write ``ALBEDO_AOV``."""
+    ground, settings = built.terrain.data, built.settings
+    lent: list[tuple[bpy.types.Mesh, bpy.types.Material]] = []
+    made: list[bpy.types.Material] = []
+
+    def lend(mesh: bpy.types.Mesh, material: bpy.types.Material) -> None:
+        lent.append((mesh, mesh.materials[0]))
+        mesh.materials[0] = material
+
+    try:
+        made.append(build_ground_material(settings, ground, albedo_pass=True))
+        lend(ground, made[0])
+        rocks = [item for item in built.collection.all_objects if item.get(TAG) == "rock"]
+        if rocks:
+            made.append(build_rock_material(settings, ground, albedo_pass=True))
+        meshes = {each.data for item in rocks for each in instanced_objects(item)
+                  if isinstance(each.data, bpy.types.Mesh) and len(each.data.materials)}
+        for mesh in meshes:
+            lend(mesh, made[1])
+        yield
+    finally:
+        for mesh, material in lent:
+            mesh.materials[0] = material
+        for material in made:
+            bpy.data.materials.remove(material)
+
+
+@contextmanager
+def _look_down(scene: bpy.types.Scene, extent: Extent, top_m: float) -> Iterator[None]:
+    """The camera of ``scene`` looks straight down on the map, north up, from the height ``top_m``."""
+    item, render = scene.camera, scene.render
+    lens = item.data
+    lens.type, lens.sensor_fit, lens.dof.use_dof = "ORTHO", "AUTO", False
+    longest = max(extent.columns, extent.rows)
+    lens.ortho_scale = longest * extent.cell_m
+    lens.shift_x = lens.shift_y = -SAMPLE_OFFSET_PX / longest
+    lens.clip_start, lens.clip_end = 1e-4, 1e6
+    item.rotation_euler = (0.0, 0.0, 0.0)
+    item.location = (extent.west_m + extent.columns * extent.cell_m / 2,
+                     extent.north_m - extent.rows * extent.cell_m / 2, top_m)
+    render.resolution_x, render.resolution_y = extent.columns, extent.rows
+    render.use_multiview = render.use_persistent_data = False
+    try:
+        yield
+    finally:
+        render.use_multiview = True
+
+
+def _render(scene: bpy.types.Scene, stem: Path) -> dict[str, np.ndarray]:
+    """The channels, (rows, columns), of a render of one sample at the centres of cells."""
+    stem.parent.mkdir(parents=True, exist_ok=True)
+    passes.choose_layer(scene, TRUTH, stem, False)
+    file = stem.with_name(f"{stem.name}.exr")
+    try:
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+    except RuntimeError as error:
+        raise IcyMoonError(f"Cycles could not render the map: {first_line(error)}") from None
+    if not is_whole(file):
+        raise IcyMoonError(f"Blender could not write the map to {file}; the disk is full or the folder may not be "
+                           "written to.")
+    try:
+        return {name: values for _, channels in decode_parts(file.read_bytes()) for name, values in channels.items()}
+    except (ValueError, IndexError, KeyError, struct.error, zlib.error) as error:
+        raise IcyMoonError(f"The map that Blender wrote cannot be read ({error}); write it again.") from None
+    finally:
+        system.remove(file)
+
+
+def _pass(channels: dict[str, np.ndarray], *names: str) -> list[np.ndarray]:
+    """The channels of a pass, which has another name in each version, in the order R, G, B, or the only one."""
+    found = {key: values for key, values in channels.items() if key.split(".")[-2] in names}
+    if not found:
+        raise IcyMoonError(f"The map that Blender wrote has no pass {names[0]}; write it again.")
+    components = {key.split(".")[-1]: values for key, values in found.items()}
+    return [components[key] for key in "RGB"] if "R" in components else list(components.values())
+
+
+def _heights(channels: dict[str, np.ndarray], top_m: float) -> np.ndarray:
+    depth = _pass(channels, "Depth")[0].astype(np.float64)
+    return np.where((depth > 0) & (depth < SKY_DEPTH_M), top_m - depth, np.nan).astype(np.float32)

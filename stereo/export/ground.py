@@ -1,0 +1,96 @@
+"""The exports ``dem``, ``ply``, ``obj`` and ``usd``: the ground of pairs as maps and as meshes, in the site's frame.
+
+A pair contains no ground, so Blender builds it again from the settings of the pair. ``<out>/<pair>/`` gets
+
+* ``dem``: ``dem.tif``, ``dsm.tif`` and ``albedo.tif``, GeoTIFF, see ``render.ground_maps``;
+* ``ply``: ``terrain.ply``, ``rock.ply``; ``obj``, ``usd``: ``ground.obj``, ``ground.usd``, with z up;
+* ``geometry.json``: frame, units, cells, and what the files lack; ``pairs`` lists the pairs that show this ground.
+
+Pairs that show the same are written once, in the folder of the first.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from ...errors import IcyMoonError
+from ...files import read_text, write_json
+from ...render.pairs.pair_folder import Pair
+from ...render.plans.planned_pair import PlannedPair
+from ...render.workers.job import Job, blender_command
+from ...render.workers.process import Message, Process
+from ...scratch import scratch_folder
+from ...settings import changes
+from ...typed_settings import Settings
+
+FORMATS = ("dem", "ply", "obj", "usd")
+Hear = Callable[[Message], None]
+
+
+def export_ground(pairs: Sequence[Pair], out: Path, kind: str, blender: str, cell_m: float | None = None,
+                  hear: Hear = lambda message: None) -> list[Path]:
+    """Write the ground of pairs, ``kind`` one of ``FORMATS``, and return the folders.
+
+    ``cell_m`` is the size of the cells of ``dem``, by default a 1024th of the ground. Raises IcyMoonError for a pair
+    that was edited by hand, for a size that is none, and if Blender fails.
+    """
+    for pair in pairs:
+        refuse_edited(pair)
+    return write_grounds([PlannedPair(pair.id, pair.settings, 0.0) for pair in pairs], out, kind, blender, cell_m, hear)
+
+
+def write_grounds(planned: Sequence[PlannedPair], out: Path, kind: str, blender: str, cell_m: float | None = None,
+                  hear: Hear = lambda message: None) -> list[Path]:
+    """The same of planned pairs."""
+    if cell_m is not None and not (kind == "dem" and math.isfinite(cell_m) and cell_m > 0):
+        raise IcyMoonError(f"The size of a cell is {cell_m:g} m; give a size above 0, and for dem only.")
+    shared: dict[str, list[PlannedPair]] = {}
+    for each in planned:
+        shared.setdefault(_key(each.settings, kind), []).append(each)
+    arguments = (kind, *(() if cell_m is None else (repr(float(cell_m)),)))
+    build_geometry([those[0] for those in shared.values()], out, blender, hear, *arguments)
+    folders = []
+    for those in shared.values():
+        folders.append(out / those[0].id)
+        file = folders[-1] / "geometry.json"
+        write_json(file, json.loads(read_text(file)) | {"pairs": [each.id for each in those]})
+    return folders
+
+
+def _key(settings: Settings, kind: str) -> str:
+    """A text that is equal for pairs whose files are."""
+    return json.dumps([changes.scene(settings), changes.materials(settings) if kind == "dem" else None])
+
+
+def refuse_edited(pair: Pair) -> None:
+    """Raise IcyMoonError for a pair whose settings are not all that it shows."""
+    if pair.data.get("edited_by_hand"):
+        raise IcyMoonError(f"{pair.folder} was edited by hand, so its meshes cannot be built again from its settings; "
+                           "export a pair that was rendered from settings.")
+
+
+def build_geometry(planned: Sequence[PlannedPair], out: Path, blender: str, hear: Hear, *arguments: str) -> None:
+    """Let Blender write the ground of pairs to ``<out>/<pair>/``. Raises IcyMoonError with its own sentence.
+
+    ``arguments`` are those of ``render.geometry_worker`` after the folder.
+    """
+    failure = ""
+    with scratch_folder() as scratch:
+        job = Job(scratch, pairs=planned)
+        try:
+            process = Process(blender_command(blender, "geometry", str(job.file), str(out.absolute()), *arguments))
+            done = False
+            try:
+                for message in process.wait_for_messages():
+                    hear(message)
+                    failure = message["message"] if message["type"] == "error" else failure
+                    done = done or message["type"] == "done"
+            finally:
+                process.stop()
+        finally:
+            job.discard()
+    if failure or not done:
+        raise IcyMoonError(failure or f"Blender ended without geometry: {process.cause}")
