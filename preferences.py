@@ -130,6 +130,12 @@ def own_matcher_names() -> list[str]:
     return [item.name for item in preferences.matchers] if preferences else []
 
 
+def plugin_matcher_names() -> list[str]:
+    """Names of the matchers of plug-ins that the last Check found in the evaluator's Python."""
+    preferences = _preferences()
+    return preferences.plugin_matchers.split() if preferences else list(_found_matchers)
+
+
 def own_matcher_arguments(methods: str) -> list[str]:
     """The arguments of the evaluator for the user's own matchers in a list of matchers.
 
@@ -162,6 +168,8 @@ def _choose_cache(preferences: Any, context: bpy.types.Context) -> None:
     cache.choose_folder(bpy.path.abspath(preferences.cache) if preferences and preferences.cache else "")
 
 
+#: Matchers of plug-ins that the last Check found, where there are no preferences to keep them.
+_found_matchers: list[str] = []
 #: Findings of the last Check in this session, which the preferences show.
 findings: list[Finding] = []
 _ICONS = {"ok": "CHECKMARK", "limited": "INFO", "missing": "ERROR"}
@@ -210,6 +218,9 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         name="Workers", min=0, max=1024, soft_max=16, default=0,
         description="Number of processes that render a data set whose own number is 0. Each needs one to two gigabytes "
                     "of memory; 0 for one for each four processors")
+    plugin_matchers: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Matchers of Plug-Ins", options={"HIDDEN"},
+        description="Those that the last Check found in the evaluator's Python")
     matchers: bpy.props.CollectionProperty(  # type: ignore[valid-type]
         type=ICYMOON_PG_matcher, name="Own Matchers",
         description="Your own programs and networks. For security, scenes and files cannot contain them")
@@ -265,8 +276,12 @@ def matchers() -> Any:
 
 
 def show_findings(found: list[Finding]) -> None:
-    """Show the findings of a check in the preferences."""
+    """Show the findings of a check in the preferences, and keep the matchers of plug-ins that it found."""
     findings[:] = found
+    if any(finding.subject == "Evaluator" for finding in found):
+        _found_matchers[:] = [name for finding in found for name in finding.names]
+        if preferences := _preferences():
+            preferences.plugin_matchers = " ".join(_found_matchers)
 
 
 def register() -> None:
@@ -288,5 +303,6 @@ def unregister() -> None:
     announcements.listeners.remove(_give_kernels)
     cache.choose_folder("")
     findings.clear()
+    _found_matchers.clear()
     bpy.utils.unregister_class(ICYMOON_AP_preferences)
     bpy.utils.unregister_class(ICYMOON_PG_matcher)

@@ -25,7 +25,7 @@ from ..stereo.cli import add_evaluate_options, run_evaluate, stereo_verbs
 from ..terminal import as_path, report_end, show_counted_progress, show_progress
 from ..typed_settings import Settings
 from ..version import version
-from . import batch, camera, plan, stand_ins, validate
+from . import batch, camera, check_plugin, plan, stand_ins, validate
 
 if TYPE_CHECKING:
     from ..stereo.trade.measure_variants import Bench
@@ -118,6 +118,7 @@ def _make_parser() -> argparse.ArgumentParser:
     batch.add_verbs(verbs)
     stand_ins.add_verbs(verbs)
     validate.add_verbs(verbs)
+    check_plugin.add_verb(verbs)
 
     doctor = verbs.add_parser("doctor", help="print what is installed, what is missing and how to fix that")
     doctor.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")

@@ -15,6 +15,9 @@ from ..render.workers.job import python_command
 from ..render.workers.process import clean_environment
 from ..system import run
 
+#: The subject of the finding that names the matchers of plug-ins.
+PLUGINS = "Matchers of plug-ins"
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -24,6 +27,7 @@ class Finding:
     state: str
     fact: str
     fix: str = ""
+    names: tuple[str, ...] = ()  # of the matchers of plug-ins
 
 
 def _check_evaluator(python: str) -> dict[str, Any]:
@@ -72,7 +76,11 @@ def examine_evaluator(python: str) -> list[Finding]:
     names = {"python": "Python", "cv2": "OpenCV", "numpy": "numpy", "OpenEXR": "OpenEXR", "jinja2": "jinja2",
              "torch": "torch"}
     found = [f"{text} {facts[name]}" for name, text in names.items() if facts.get(name)]
-    return [Finding("Evaluator", "ok" if facts["ok"] else "missing", ", ".join(found), facts["message"])]
+    matchers = facts.get("matchers", {})
+    return [Finding("Evaluator", "ok" if facts["ok"] else "missing", ", ".join(found), facts["message"]),
+            *([Finding(PLUGINS, "ok", ", ".join(f"{name} ({release})" for name, release in matchers.items()),
+                       names=tuple(matchers))] if matchers else []),
+            *(Finding("Plug-in", "limited", sentence) for sentence in facts.get("refused", ()))]
 
 
 def examine_kernels(kernels: str) -> list[Finding]:

@@ -10,7 +10,12 @@ import bpy
 from .. import scene_properties
 from ..errors import IcyMoonError
 from ..files import absolute_path
-from ..preferences import find_evaluator_python, is_evaluator_missing, own_matcher_arguments
+from ..preferences import (
+    find_evaluator_python,
+    is_evaluator_missing,
+    own_matcher_arguments,
+    plugin_matcher_names,
+)
 from ..render.pairs.pair_folder import is_complete
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
@@ -164,8 +169,9 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon.dataset
-        if not self.matcher.startswith(f"{OWN}:") and self.matcher not in TITLES:
-            self.report({"ERROR"}, f"There is no matcher {self.matcher}; choose {', '.join(TITLES)} or {OWN}:NAME.")
+        known = (*TITLES, *plugin_matcher_names())
+        if not self.matcher.startswith(f"{OWN}:") and self.matcher not in known:
+            self.report({"ERROR"}, f"There is no matcher {self.matcher}; choose {', '.join(known)} or {OWN}:NAME.")
             return {"CANCELLED"}
         group.methods = toggle_method(group.methods, self.matcher)
         return {"FINISHED"}

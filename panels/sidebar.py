@@ -24,7 +24,7 @@ from ..operators import (
     view_exposure,
     view_resolution,
 )
-from ..preferences import own_matcher_names
+from ..preferences import own_matcher_names, plugin_matcher_names
 from ..settings.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
 from ..stereo.matchers.methods import describe_method, names_method
@@ -191,7 +191,9 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         methods = context.scene.icymoon.dataset.methods
         column = self.layout.column(align=True)
-        for name, title in {**TITLES, **{f"{OWN}:{own}": own for own in own_matcher_names()}}.items():
+        titles = {**TITLES, **{name: name for name in plugin_matcher_names()},
+                  **{f"{OWN}:{own}": own for own in own_matcher_names()}}
+        for name, title in titles.items():
             row, chosen = column.row(align=True), names_method(methods, name)
             row.operator("icymoon.toggle_matcher", text=title, depress=chosen,
                          icon="CHECKBOX_HLT" if chosen else "CHECKBOX_DEHLT").matcher = name

@@ -122,6 +122,12 @@ def stereo_verbs() -> list[str]:
 
 def _run_check(parsed: argparse.Namespace) -> int:
     report = packages.check_packages()
+    if report["ok"]:
+        from .matchers import find_plugins
+
+        found = find_plugins()
+        report |= {"matchers": {name: plugin.release for name, plugin in found.usable.items()},
+                   "refused": list(found.refused.values())}
     _print_json_line(report)
     if report["ok"]:
         return 0
@@ -131,10 +137,22 @@ def _run_check(parsed: argparse.Namespace) -> int:
 
 def _run_methods(parsed: argparse.Namespace) -> int:
     packages.require("numpy", "cv2")
-    from .matchers import MATCHERS, describe_matcher
+    from .matchers import MATCHERS, describe_matcher, find_plugins
 
-    print("\n\n".join(describe_matcher(method) for method in ([parsed.method] if parsed.method else MATCHERS)))
-    return 0
+    if parsed.method:
+        print(describe_matcher(parsed.method))
+        return 0
+    print("\n\n".join(map(describe_matcher, MATCHERS)))
+    found = find_plugins()
+    unusable = list(found.refused.values())
+    for name in found.usable:  # one that is broken hides no other
+        try:
+            print(f"\n{describe_matcher(name)}")
+        except IcyMoonError as error:
+            unusable.append(str(error))
+    for sentence in unusable:
+        print(f"{PROGRAM}: {sentence}", file=sys.stderr)
+    return 1 if unusable else 0
 
 
 def _run_match(parsed: argparse.Namespace) -> int:

@@ -23,7 +23,7 @@ from ..version import version
 from .artefacts import check_output_folder, files_exist
 from .datasets.predictions import PREDICTION, find_prediction, options_of, parse_predictions
 from .environment import packages
-from .matchers import files_of
+from .matchers import files_of, release_of
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
 from .measure_pair import Run, Task, failed_row, measure_pair
@@ -237,7 +237,9 @@ def _method_inputs(method: Method) -> list[Any]:
     if method.name != PREDICTION:
         files |= {text: read_checksum(Path(text)) for text in files_of(method.name, options) if os.path.isfile(text)}
     versions = packages.find_versions()
-    return [method.name, options, files, {name: versions[name] for name in ("numpy", "cv2", "torch")}]
+    release = release_of(method.name)  # a plug-in's; what is ours has the version of Icy Moon
+    return [method.name, options, files, {name: versions[name] for name in ("numpy", "cv2", "torch")},
+            *([release] if release else [])]
 
 
 def _digest(data: Any) -> str:

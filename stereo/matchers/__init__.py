@@ -8,6 +8,8 @@ options name does not exist, ``load(options)`` does work that is not part of mat
 returns words within options that may be files, and ``settle(options, ranges, shape)`` returns the options with numbers
 for those that follow from the pair, and the ``SearchRange``. With ``SPARSE`` a pair without any measurement is a
 result; otherwise it is an error.
+
+Matchers of packages that the user installed are beside them, see ``plug_in``.
 """
 
 from __future__ import annotations
@@ -16,13 +18,15 @@ import importlib
 import os
 import time
 from collections.abc import Mapping
-from types import ModuleType
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...plugins.installed import Found, Plugin, find
 from ...render.pairs.pair_folder import StereoCamera
+from ...settings.trust_boundary import OWN
 from ...suggestions import nearest
 from ..images.image_values import describe_size, to_8_bit, to_grey
 from ..measure.costs import COSTS
@@ -34,8 +38,20 @@ from .search_range import SearchRange
 TITLES = {"bm": "StereoBM", "sgbm": "SGBM", "sgbm_wls": "SGBM with WLS", "jplv": "JPLV", "igev": "IGEV-Stereo",
           "dsmnet": "DSMNet"}
 NEEDS = {"igev": "PyTorch and a checkpoint", "dsmnet": "PyTorch and a checkpoint"}
-#: All matchers; each is the module of this name. The user sets up the last ones, with a file or a program.
+#: Our matchers; each is the module of this name. The user sets up the last ones, with a file or a program.
 MATCHERS = (*TITLES, "onnx", "resident", "stereo_matching", "external")
+#: Names that mean something else where methods are named.
+_TAKEN = (*MATCHERS, OWN, "prediction")
+
+
+def find_plugins() -> Found:
+    """The matchers of packages that are installed in this Python."""
+    return find("matcher", _TAKEN)
+
+
+def matcher_names() -> tuple[str, ...]:
+    """All matchers of this Python: ours, then those of plug-ins."""
+    return (*MATCHERS, *find_plugins().usable)
 
 
 def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str, Any] | None = None,
@@ -123,10 +139,29 @@ def describe_matcher(method: str) -> str:
     return "\n".join(lines)
 
 
-def _import_matcher(method: str) -> ModuleType:
-    if method not in MATCHERS:
-        raise IcyMoonError(f"Unknown matcher {method!r}, {nearest(method, MATCHERS)}")
-    return importlib.import_module(f".{method}", __name__)
+def release_of(method: str) -> str:
+    """Package and version of the plug-in that a matcher is from; empty for one of ours."""
+    plugin = None if method in MATCHERS else find_plugins().usable.get(method)
+    return plugin.release if plugin else ""
+
+
+def _import_matcher(method: str) -> Any:
+    """The module of a matcher, or what stands for it."""
+    if method in MATCHERS:
+        return importlib.import_module(f".{method}", __name__)
+    found = find_plugins()
+    if method in found.usable:
+        return _load_plugin(found.usable[method])
+    if method in found.refused:
+        raise IcyMoonError(found.refused[method])
+    raise IcyMoonError(f"Unknown matcher {method!r}, {nearest(method, (*MATCHERS, *found.usable))}")
+
+
+@lru_cache(maxsize=64)
+def _load_plugin(plugin: Plugin) -> Any:
+    from .plug_in import PluginMatcher  # not at the top: it needs OpenCV
+
+    return PluginMatcher(plugin)
 
 
 def _cpu_seconds() -> float:

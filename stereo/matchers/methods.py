@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from ...errors import IcyMoonError
 from ...settings.trust_boundary import OWN, OWN_NAME, listed
 from ...suggestions import nearest
-from . import MATCHERS, TITLES, check_options, option_keys
+from . import TITLES, check_options, matcher_names, option_keys
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def parse_own_matchers(texts: Sequence[str]) -> dict[str, Method]:
     found: dict[str, Method] = {}
     for text in texts:
         name, method, option = (*text.split(":", 2), "", "")[:3]
-        if not (OWN_NAME.fullmatch(name) and method in MATCHERS):
+        if not (OWN_NAME.fullmatch(name) and method in matcher_names()):
             raise IcyMoonError(f"--own {text}: write it as NAME:METHOD:KEY=VALUE, as in "
                                "mine:external:command=PROGRAM; a name has letters, digits, - and _.")
         known = found.setdefault(name, Method(f"{OWN}:{name}", method))
@@ -90,7 +90,7 @@ def parse_named_methods(texts: Sequence[str]) -> list[Method]:
         if not (equals and OWN_NAME.fullmatch(name)):
             raise IcyMoonError(f"--method {text}: write it as NAME=MATCHER:KEY=VALUE, as in "
                                "mynet=resident:command=PROGRAM; a name has at most 40 letters, digits, - and _.")
-        if name in (*MATCHERS, OWN):
+        if name in (*matcher_names(), OWN):
             raise IcyMoonError(f"--method {text}: {name} is the name of a matcher; choose another name.")
         if name in (method.label for method in found):
             raise IcyMoonError(f"--method names {name} twice; give each method a name of its own.")
@@ -127,7 +127,7 @@ def parse_methods(text: str, options: Sequence[str] = (), own: Sequence[str] = (
         check_options(method.name, chosen)
         methods.append(Method(method.label, method.name, chosen))
     if not methods:
-        raise IcyMoonError(f"--methods is empty; choose from {', '.join(MATCHERS)}.")
+        raise IcyMoonError(f"--methods is empty; choose from {', '.join(matcher_names())}.")
     unused = sorted(set(shared) - {method.name for method in methods})
     if unused:
         raise IcyMoonError(f"--option is given for {unused[0]}, which no method uses; add it to --methods or remove "
@@ -143,8 +143,8 @@ def _parse_shared_options(options: Sequence[str]) -> dict[str, dict[str, str]]:
         method, dot, key = name.partition(".")
         if not dot:
             raise IcyMoonError(f"--option {option}: name the matcher too, as in bm.{key or name}={value}.")
-        if method not in MATCHERS:
-            raise IcyMoonError(f"--option {option}: unknown matcher {method!r}, {nearest(method, MATCHERS)}")
+        if method not in matcher_names():
+            raise IcyMoonError(f"--option {option}: unknown matcher {method!r}, {nearest(method, matcher_names())}")
         shared.setdefault(method, {})[key] = value
     return shared
 

@@ -11,7 +11,7 @@ import bpy
 import pytest
 from evaluations import ROW, evaluated
 from icymoon import preferences
-from icymoon.commands.doctor import Finding
+from icymoon.commands.doctor import PLUGINS, Finding
 from icymoon.operators import evaluator, jobs, sidebar_text
 from icymoon.operators.presets import preset_items
 from icymoon.operators.sidebar_text import LINE
@@ -189,6 +189,22 @@ def test_what_is_left_out_is_said_where_it_is_chosen_and_only_then(scene):
     said = texts(drawn(sidebar.ICYMOON_PT_left_out))
     assert "Truth" in said
     assert "planet" not in said
+
+
+def test_the_matchers_of_plug_ins_have_a_tick_once_check_has_found_them(scene):
+    group = scene.icymoon.dataset
+    assert "census" not in texts(drawn(sidebar.ICYMOON_PT_evaluation))
+    with pytest.raises(RuntimeError, match="There is no matcher census"):
+        bpy.ops.icymoon.toggle_matcher(matcher="census")
+    preferences.show_findings([Finding("Evaluator", "ok", "Python"), Finding(PLUGINS, "ok", "", names=("census",))])
+    try:
+        assert "census" in {entry[2] for entry in drawn(sidebar.ICYMOON_PT_evaluation)
+                            if entry[:2] == ("operator", "icymoon.toggle_matcher")}
+        assert bpy.ops.icymoon.toggle_matcher(matcher="census") == {"FINISHED"}
+        assert group.methods == "bm,sgbm,census"
+    finally:
+        preferences.show_findings([Finding("Evaluator", "ok", "Python")])
+    assert preferences.plugin_matcher_names() == []
 
 
 def test_the_matchers_there_are_stand_in_the_tooltip():

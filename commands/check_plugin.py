@@ -1,0 +1,74 @@
+"""The verb ``check-plugin``: try a plug-in and print what it lacks."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Collection, Iterator
+
+from ..errors import IcyMoonError
+from ..plugins.check import Check, check_package
+from ..plugins.installed import GROUPS, Found, Plugin
+from ..stereo.environment import packages
+from ..suggestions import nearest
+
+
+def add_verb(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the verb to the command line's parser."""
+    verb = verbs.add_parser("check-plugin", help="try a plug-in that is installed in this Python, and print what it "
+                            "lacks")
+    verb.add_argument("name", nargs="?", metavar="NAME", help="name of the plug-in or of its package (list all)")
+    verb.set_defaults(run=_run)
+
+
+def find_all() -> dict[str, Found]:
+    """The plug-ins of this Python by kind."""
+    from ..stereo.matchers import find_plugins
+
+    return {"matcher": find_plugins()}
+
+
+def checks_of(plugin: Plugin) -> Iterator[Check]:
+    """All checks of a plug-in, until one fails without which the others mean nothing."""
+    yield from check_package(plugin)
+    from ..stereo.plugin_checks import check_matcher
+
+    special: dict[str, Callable[[Plugin], Iterator[Check]]] = {"matcher": check_matcher}
+    yield from special[plugin.kind](plugin)
+
+
+def _run(options: argparse.Namespace) -> int:
+    packages.require("numpy", "cv2")
+    found = find_all()
+    if options.name is None:
+        return _list(found)
+    if refused := [each.refused[options.name] for each in found.values() if options.name in each.refused]:
+        raise IcyMoonError(refused[0])
+    chosen = [plugin for each in found.values() for plugin in each.usable.values()
+              if options.name in (plugin.name, plugin.package)]
+    if not chosen:
+        raise IcyMoonError(_not_found(options.name, found))
+    faults = 0
+    for plugin in chosen:
+        print(f"{plugin.kind} {plugin.name}, {plugin.release}")
+        for check in checks_of(plugin):
+            print(f"  ok     {check.what}" if not check.fault else f"  FAULT  {check.fault}", flush=True)
+            faults += bool(check.fault)
+    print("It can be used." if not faults else f"{faults} to correct.")
+    return 1 if faults else 0
+
+
+def _not_found(name: str, found: dict[str, Found]) -> str:
+    known: Collection[str] = [plugin.name for each in found.values() for plugin in each.usable.values()]
+    if not known:
+        return (f"No plug-in {name!r} is installed in this Python, nor any other; install its package with pip, and "
+                f"give it an entry point in one of {', '.join(GROUPS.values())}.")
+    return f"No plug-in {name!r} is installed in this Python; {nearest(name, known)}"
+
+
+def _list(found: dict[str, Found]) -> int:
+    for kind, each in found.items():
+        for plugin in each.usable.values():
+            print(f"{kind} {plugin.name}, {plugin.release}")
+        for sentence in each.refused.values():
+            print(sentence)
+    return 1 if any(each.refused for each in found.values()) else 0

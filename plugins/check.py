@@ -1,0 +1,44 @@
+"""What every plug-in must have, whatever it adds, as a list of checks with what to correct."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from ..errors import IcyMoonError
+from .installed import Plugin, load, summary_of
+
+
+@dataclass(frozen=True)
+class Check:
+    """One check: what was looked at, and what is wrong, or nothing."""
+
+    what: str
+    fault: str = ""
+
+
+def check_of(what: str, act: Callable[[], str | None]) -> Check:
+    """A check whose fault is what ``act`` returns, or the sentence that it raises."""
+    try:
+        return Check(what, act() or "")
+    except IcyMoonError as error:
+        return Check(what, str(error))
+
+
+def check_package(plugin: Plugin) -> Iterator[Check]:
+    """Whether a plug-in can be loaded where there is no Blender, and what it states about itself."""
+    blender_before = "bpy" in sys.modules
+    loaded: list[Any] = []
+    yield (first := check_of("it can be imported, and states ICYMOON_API", lambda: loaded.append(load(plugin))))
+    if first.fault:
+        return
+    yield Check("it does not import Blender",
+                f"{plugin.title} imports bpy, which the Python of the evaluator does not have; leave it out."
+                if "bpy" in sys.modules and not blender_before else "")
+    yield Check("its first line states what it is", "" if summary_of(loaded[0]) else
+                f"{plugin.title} has no docstring; begin it with a line that lists and reports show.")
+    yield Check("its licence is stated", "" if plugin.licence else
+                f"The package {plugin.package} states no licence; add license = \"…\" under [project], or nobody may "
+                "use it.")

@@ -1,0 +1,127 @@
+"""A matcher of a package that the user installed, with the interface of a module of this folder."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...plugins.installed import Plugin, explained, function_of, load, source_files, summary_of
+from ...render.pairs.pair_folder import StereoCamera
+from ...settings.trust_boundary import LOADS
+from .opencv import SEARCH_RANGE, settle_range
+from .options import Option
+from .result import Result
+from .search_range import SearchRange
+
+#: What an entry of OPTIONS may state.
+_STATED = ("default", "doc", "minimum", "maximum", "step", "choices")
+#: Options that every matcher of a plug-in has, or that Icy Moon gives a meaning of its own.
+_RESERVED = {"preset", "grey", *(name for option in SEARCH_RANGE for name in (option.key, option.opencv))}
+
+
+@dataclass(frozen=True)
+class MatchContext:
+    """What ``match`` of a plug-in is told beside the images.
+
+    ``options`` are complete. Search the whole disparities ``least_px`` to ``most_px``, both included. The camera's
+    values are None where the camera is not known; the principal point counts from the corner of the image.
+    """
+
+    options: Mapping[str, Any]
+    least_px: int
+    most_px: int
+    focal_px: float | None = None
+    cx_px: float | None = None
+    cy_px: float | None = None
+    baseline_m: float | None = None
+
+
+class PluginMatcher:
+    """The matcher of a plug-in. Raises IcyMoonError if the plug-in cannot be loaded or is not complete."""
+
+    PRESETS: Mapping[str, dict[str, Any]] = MappingProxyType({})
+
+    def __init__(self, plugin: Plugin) -> None:
+        self.plugin = plugin
+        self.loaded = load(plugin)
+        self.__doc__ = f"{summary_of(self.loaded)} (plug-in, {plugin.release})"
+        self._match = function_of(plugin, self.loaded, "match", "left, right, context")
+        self.OPTIONS = (*SEARCH_RANGE, *read_options(plugin, getattr(self.loaded, "OPTIONS", {})))
+        self.COLOUR = bool(getattr(self.loaded, "COLOUR", False))
+
+    def settle(self, options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
+               ) -> tuple[dict[str, Any], SearchRange]:
+        """The options with a search range in numbers, and this range."""
+        return settle_range(self.plugin.name, options, ranges)
+
+    def compute(self, left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera: StereoCamera | None
+                ) -> Result:
+        """Disparity of uint8 images as the plug-in finds it. Raises IcyMoonError where it fails."""
+        least = options["min_disparity"]
+        own = {key: value for key, value in options.items() if key not in _RESERVED}
+        known = {} if camera is None else {key: float(getattr(camera, key))
+                                           for key in ("focal_px", "cx_px", "cy_px", "baseline_m")}
+        context = MatchContext(MappingProxyType(own), least, least + options["disparities"] - 1, **known)
+        with explained(self.plugin):
+            found = self._match(left.copy(), right.copy(), context)
+        return Result(checked_disparity(self.plugin, found, left.shape[:2]), facts={"plug_in": self.plugin.release})
+
+    def files(self, options: dict[str, Any]) -> list[str]:
+        """What the result depends on: the plug-in's own source."""
+        return source_files(self.loaded)
+
+
+def checked_disparity(plugin: Plugin, found: Any, shape: tuple[int, ...]) -> np.ndarray:
+    """What a plug-in returned, as float32. Raises IcyMoonError if it is no disparity map of this shape."""
+    if not isinstance(found, np.ndarray):
+        raise IcyMoonError(f"{plugin.title} returned {type(found).__name__}; return a numpy array of disparities in "
+                           "px.")
+    if found.shape != shape:
+        raise IcyMoonError(f"{plugin.title} returned an array of the shape {found.shape} for images of {shape}; return "
+                           "a disparity for each pixel of the left image.")
+    if found.dtype.kind != "f":
+        raise IcyMoonError(f"{plugin.title} returned values of the type {found.dtype}; return float32 in px, with NaN "
+                           "where nothing was measured.")
+    with np.errstate(over="ignore"):  # infinity is no measurement
+        return found.astype(np.float32)
+
+
+def read_options(plugin: Plugin, stated: Any) -> list[Option]:
+    """The options that a plug-in declares. Raises IcyMoonError for one that is not declared as it must be."""
+    if not isinstance(stated, Mapping):
+        raise IcyMoonError(f"{plugin.title} has OPTIONS that are no dictionary; write OPTIONS = {{\"window\": "
+                           "{\"default\": 7, \"minimum\": 3, \"maximum\": 15, \"doc\": \"…\"}}.")
+    return [_read_option(plugin, key, facts) for key, facts in stated.items()]
+
+
+def _read_option(plugin: Plugin, key: Any, facts: Any) -> Option:
+    where = f"{plugin.title}: OPTIONS[{key!r}]"
+    if not (isinstance(key, str) and key.isidentifier()) or key in _RESERVED:
+        raise IcyMoonError(f"{where} has a name that cannot be used; choose another word.")
+    if not isinstance(facts, Mapping) or "default" not in facts or not isinstance(facts.get("doc"), str):
+        raise IcyMoonError(f"{where} must be a dictionary with at least a default and a doc.")
+    if unknown := [name for name in facts if name not in _STATED]:
+        raise IcyMoonError(f"{where} has {unknown[0]!r}; an option has {', '.join(_STATED)}.")
+    default = facts["default"]
+    if isinstance(default, str) and not facts.get("choices") and key not in LOADS:
+        raise IcyMoonError(f"{where} is a text; state its choices. Only {', '.join(LOADS)} may be any text, which no "
+                           "scene and no file can set.")
+    numeric = isinstance(default, (int, float)) and not isinstance(default, bool)
+    if not numeric and not isinstance(default, str):
+        raise IcyMoonError(f"{where} has the default {default!r}; give a number, or one of choices that are texts.")
+    try:
+        if numeric and not facts["minimum"] <= default <= facts["maximum"]:
+            raise ValueError(f"the default {default} is not between minimum and maximum")
+        if facts.get("choices") and default not in facts["choices"]:
+            raise ValueError(f"the default {default!r} is none of the choices")
+        return Option(key, default, facts["doc"], facts.get("minimum", 0), facts.get("maximum", 0),
+                      facts.get("step", 1), tuple(map(str, facts.get("choices", ()))))
+    except KeyError as missing:
+        raise IcyMoonError(f"{where} is a number without {missing.args[0]}; state minimum and maximum.") from None
+    except (TypeError, ValueError) as error:
+        raise IcyMoonError(f"{where} cannot be used ({error}).") from None

@@ -1,0 +1,46 @@
+"""From nothing to a plug-in that is used, word by word from the manual; and the packages in ``docs/examples``."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+from icymoon.commands.check_plugin import find_all
+from icymoon.commands.cli import main
+from icymoon.version import ROOT
+from plugin_packages import examples
+
+PAGE = (ROOT / "docs" / "howto" / "plug-ins.md").read_text(encoding="utf-8")
+NAMES = ["census", "few_paths"]
+
+
+def test_every_example_is_on_the_page_and_tried_here(plugins_of_the_manual):
+    assert sorted(plugins_of_the_manual) == sorted(NAMES)
+    for project in examples():
+        assert f"`docs/examples/{project.name}`" in PAGE
+    found = {plugin.name: plugin.kind for each in find_all().values() for plugin in each.usable.values()}
+    assert plugins_of_the_manual.items() <= found.items()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_each_passes_its_check(name, capsys):
+    assert main(["check-plugin", name]) == 0, capsys.readouterr().out
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("project", examples(), ids=lambda project: project.name)
+def test_pip_installs_each_from_its_folder(project, tmp_path):
+    """With an entry point that a Python finds which looks for packages there."""
+    copy = tmp_path / "source"
+    copy.mkdir()
+    for path in project.iterdir():  # the builder leaves a folder behind
+        if path.is_file():
+            (copy / path.name).write_bytes(path.read_bytes())
+    site = tmp_path / "site"
+    subprocess.run([sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "--no-deps",
+                    "--no-build-isolation", "--target", str(site), str(copy)], check=True, timeout=100)
+    done = subprocess.run([sys.executable, "-P", "-c", "import sys; sys.path.append(sys.argv[1]); "
+                           "from icymoon.__main__ import main; sys.exit(main(['check-plugin', sys.argv[2]]))",
+                           str(site), project.name], capture_output=True, text=True, check=False, timeout=100)
+    assert done.returncode == 0, done.stdout + done.stderr
