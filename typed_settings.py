@@ -378,6 +378,7 @@ class LightSettings(Table):
     sun_temperature_k: float  # K
     sun_elevation_deg: float  # deg
     sun_azimuth_deg: float  # deg
+    sun_distance_m: float  # m
     planet: bool
     planet_elevation_deg: float  # deg
     planet_azimuth_deg: float  # deg

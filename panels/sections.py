@@ -71,7 +71,8 @@ SECTIONS = (
             switch="stars"),
     Section("light", "balance", "Light at Evaluation", "Brightness of the light; changes need no new render", (
         "irradiance_band", "sun_scale", "planet_scale")),
-    _advanced("light", "parent", "sun_irradiance_wm2", "sun_angular_diameter_deg", "sun_temperature_k"),
+    _advanced("light", "parent", "sun_irradiance_wm2", "sun_angular_diameter_deg", "sun_temperature_k",
+              "sun_distance_m"),
     Section("rig", "lens", "Lens and Alignment", "Distortion and focus of the lens, and alignment of the eyes", (
         "principal_x_px", "principal_y_px", "distortion_k1", "distortion_k2", "distortion_p1", "distortion_p2",
         "distortion_k3", "overscan", "toe_in_deg", "focus_distance_m")),

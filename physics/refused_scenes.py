@@ -70,7 +70,7 @@ def refuse(settings: Settings) -> None:
 
 def reasons_of_settings(settings: Settings) -> list[Reason]:
     """The reasons that are found without making the ground."""
-    return [*_ice_reasons(settings), *_rock_reasons(settings), *_sky_reasons(settings)]
+    return [*_ice_reasons(settings), *_rock_reasons(settings), *_sky_reasons(settings), *_lamp_reasons(settings)]
 
 
 def scene_advice(settings: Settings) -> list[str]:
@@ -156,6 +156,21 @@ def _sky_reasons(settings: Settings) -> Iterator[Reason]:
             sky(settings.light)
     except IcyMoonError as error:
         yield Reason(str(error), "light.date_utc", "light.body", "terrain.body_radius_m")
+
+
+def _lamp_reasons(settings: Settings) -> Iterator[Reason]:
+    """A lamp near the ground has one place, and sends light in another direction to each point."""
+    light, key = settings.light, "light.sun_distance_m"
+    if light.sun_distance_m <= 0:
+        return
+    if light.directions_from != "ANGLES" or light.planet:
+        yield Reason(f"{key} ({light.sun_distance_m:g} m) puts a lamp in place of the Sun, without a date or a planet; "
+                     "set light.directions_from to ANGLES and light.planet to false, or the distance to 0.",
+                     key, "light.directions_from", "light.planet")
+    hapke = any(settings[topic]["model"] == "HAPKE" for topic in surface_topics(settings))
+    if hapke and settings.hapke.backend != "NODES":
+        yield Reason(f"{key} ({light.sun_distance_m:g} m): Hapke's law in OSL knows only a Sun that is far away; set "
+                     "hapke.backend to NODES.", key, "hapke.backend")
 
 
 def reasons_of_eyes(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[Reason | None]:

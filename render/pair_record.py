@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import compat
 from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
+from ..nodes.light.sun_lamp import angular_diameter, irradiance_wm2
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import describe_hapke
 from ..paper_stand_ins.items import describe, items_of
@@ -27,8 +28,8 @@ from .plans.planned_pair import PlannedPair
 def _light_json(built: Built, toward_sun: np.ndarray) -> dict[str, Any]:
     """The sky that was described, but for the Sun as it stands, which the user may have turned."""
     described = built.sky
-    described["sun"] |= {"direction_to_world": toward_sun.tolist(), "irradiance_wm2": built.sun.data.energy,
-                         "angular_diameter_deg": math.degrees(built.sun.data.angle)}
+    described["sun"] |= {"direction_to_world": toward_sun.tolist(), "irradiance_wm2": irradiance_wm2(built.sun),
+                         "angular_diameter_deg": math.degrees(angular_diameter(built.sun))}
     return described
 
 

@@ -81,8 +81,9 @@ def materials(settings: Settings) -> Parts:
 
 
 def look(settings: Settings) -> Parts:
-    """``materials``, and whether subsurface light is traced through each surface."""
-    return {**materials(settings), "walks": {topic: follows_walk(settings, topic) for topic in SURFACES}}
+    """``materials``, whether subsurface light is traced through each surface, and how far a lamp near them is."""
+    return {**materials(settings), "walks": {topic: follows_walk(settings, topic) for topic in SURFACES},
+            "lamp": {"distance_m": settings.light.sun_distance_m}}
 
 
 def light(settings: Settings) -> Parts:

@@ -662,6 +662,9 @@ LIGHT = Topic("light", "Light", "The Sun and the planet, which are the only ligh
              "Angle of the Sun's centre above the horizon; night below 0", "light"),
     _degrees("sun_azimuth_deg", "Sun Azimuth", 60.0, -360.0, 360.0,
              "Direction of the Sun from north (+Y) over east (+X)", "light"),
+    _metres("sun_distance_m", "Sun Distance", 0.0, 0.0, 1.0e4, (0.0, 10.0),
+            "Distance of a lamp in place of the Sun from the origin of the site, as in a laboratory: a sphere with the "
+            "Sun's diameter and irradiance as seen from there. 0 for the real Sun", "light"),
     Setting("planet", "Planet", False,
             "Show the planet that the moon orbits in the sky, lit by the Sun, and light the ground by it",
             "light"),

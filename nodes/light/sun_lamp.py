@@ -14,24 +14,47 @@ from ..tree.builder import Tree
 
 
 def build_sun(name: str) -> bpy.types.Object:
-    """A Sun lamp, which ``place_sun`` must set up."""
+    """A lamp, which ``place_sun`` must set up."""
     lamp = bpy.data.lights.new(name, "SUN")
     compat.disable_light_factors(lamp)
     return bpy.data.objects.new(name, lamp)
 
 
 def place_sun(sun: bpy.types.Object, sky: Sky, colour: np.ndarray) -> None:
-    """Set the direction, angular size and irradiance of a Sun lamp.
+    """Set the direction, angular size and irradiance of a Sun lamp, or of a lamp near the ground in its place.
 
     The irradiance is in W/m² on a surface that faces the Sun, and ``colour`` contains the factors for R, G and B. A Sun
     below the horizon gives no light: the moon hides it, but the ground is only a patch of the moon. The part that the
-    planet covers gives no light either.
+    planet covers gives no light either. A lamp of P watts gives P / (4π d²) at the distance d.
     """
-    sun.data.color = tuple(map(float, colour))
-    sun.data.energy = sky.sun_irradiance_wm2 * (1.0 - sky.eclipse) if sky.sun_is_up else 0.0
-    sun.data.angle = math.radians(sky.sun_diameter_deg)
+    kind = "POINT" if sky.sun_distance_m else "SUN"
+    if sun.data.type != kind:
+        sun.data.type = kind
+    lamp = sun.data  # Blender gives another class to a lamp of another type
+    lamp.color = tuple(map(float, colour))
+    irradiance = sky.sun_irradiance_wm2 * (1.0 - sky.eclipse) if sky.sun_is_up else 0.0
+    if sky.sun_distance_m:
+        lamp.energy = irradiance * 4.0 * math.pi * sky.sun_distance_m ** 2
+        lamp.shadow_soft_size = sky.sun_distance_m * math.sin(math.radians(sky.sun_diameter_deg) / 2)
+        lamp.use_soft_falloff = False
+    else:
+        lamp.energy, lamp.angle = irradiance, math.radians(sky.sun_diameter_deg)
     sun.rotation_euler = Vector(sky.sun).to_track_quat("Z", "Y").to_euler()
-    sun.location = sky.sun * 10.0  # only moves the symbol in the viewport
+    sun.location = sky.sun * (sky.sun_distance_m or 10.0)  # of the real Sun, it only moves the symbol in the viewport
+
+
+def irradiance_wm2(sun: bpy.types.Object) -> float:
+    """Irradiance of a facing surface at the origin of the site from the lamp as it stands, without its colour."""
+    lamp = sun.data
+    return float(lamp.energy if lamp.type == "SUN" else lamp.energy / (4.0 * math.pi * sun.location.length_squared))
+
+
+def angular_diameter(sun: bpy.types.Object) -> float:
+    """Diameter in radians of the lamp as it stands, seen from the origin of the site."""
+    lamp = sun.data
+    if lamp.type == "SUN":
+        return float(lamp.angle)
+    return 2 * math.asin(min(lamp.shadow_soft_size / max(sun.location.length, 1e-9), 1.0))
 
 
 def build_sky(name: str) -> bpy.types.World:

@@ -121,9 +121,16 @@ def _add_sight(ground: Ground, sun: Sun) -> tuple[Vector, Vector, Vector]:
     """Normal, direction to the Sun, and direction to the viewer."""
     tree = ground.tree
     geometry = tree.node("ShaderNodeNewGeometry", "Sight")
-    toward_sun = tree.node("ShaderNodeCombineXYZ", DIRECTION, dict(zip("XYZ", sun.direction, strict=True)))
+    toward_sun = tree.node("ShaderNodeCombineXYZ", DIRECTION, dict(zip("XYZ", sun.direction, strict=True))).outputs[0]
+    if sun.distance_m:
+        lamp = tree.node("ShaderNodeVectorMath", "Lamp", {"Vector": toward_sun, "Scale": sun.distance_m},
+                         operation="SCALE").outputs[0]
+        way = tree.node("ShaderNodeVectorMath", "Way to the Lamp", {
+            "Vector": lamp, "Vector_001": geometry.outputs["Position"]}, operation="SUBTRACT").outputs[0]
+        toward_sun = tree.node("ShaderNodeVectorMath", "Toward the Lamp", {"Vector": way},
+                               operation="NORMALIZE").outputs[0]
     return (Vector(tree, geometry.outputs["Normal"] if ground.normal is None else ground.normal),
-            Vector(tree, toward_sun.outputs[0]), Vector(tree, geometry.outputs["Incoming"]))
+            Vector(tree, toward_sun), Vector(tree, geometry.outputs["Incoming"]))
 
 
 def _add_reflectance(ground: Ground, label: str, weight: Number) -> Any:

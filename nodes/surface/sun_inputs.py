@@ -20,6 +20,7 @@ from ...physics.light.directions import toward
 from ...typed_settings import LightSettings
 from ..datablocks.fingerprint import TAG
 from ..light.planet_lamp import MEAN, planet_inputs
+from ..light.sun_lamp import angular_diameter, irradiance_wm2
 from . import hapke_nodes
 
 LEVELS = ("FAST", "ACCURATE", "REFERENCE")
@@ -35,19 +36,21 @@ class Sun:
     direction: tuple[float, float, float]
     irradiance_wm2: tuple[float, float, float]
     angular_diameter: float  # radians
+    distance_m: float = 0.0  # of a lamp near the ground from the origin of the site; 0 for the real Sun
 
     @classmethod
     def from_settings(cls, light: LightSettings) -> Sun:
         """The Sun that ``light`` settings describe."""
         x, y, z = toward(light.sun_azimuth_deg, light.sun_elevation_deg)
-        return cls((x, y, z), (light.sun_irradiance_wm2,) * 3, math.radians(light.sun_angular_diameter_deg))
+        return cls((x, y, z), (light.sun_irradiance_wm2,) * 3, math.radians(light.sun_angular_diameter_deg),
+                   light.sun_distance_m)
 
     @classmethod
     def from_lamp(cls, lamp: bpy.types.Object, world: Matrix) -> Sun:
         """The Sun of a lamp. ``world`` is its present matrix, since the user may have rotated it."""
         x, y, z = world.to_3x3().col[2].normalized()
-        red, green, blue = (lamp.data.energy * band for band in lamp.data.color)
-        return cls((x, y, z), (red, green, blue), lamp.data.angle)
+        red, green, blue = (irradiance_wm2(lamp) * band for band in lamp.data.color)
+        return cls((x, y, z), (red, green, blue), angular_diameter(lamp))
 
     @classmethod
     def of_planet(cls, shine: bpy.types.Object) -> Sun:

@@ -35,6 +35,7 @@ class Sky:
     planet: Planet | None
     eclipse: float  # share of the Sun's disc that the planet hides, shown or not
     from_j2000: np.ndarray  # (3, 3) from the J2000 equatorial to the local frame
+    sun_distance_m: float = 0.0  # of a lamp in its place from the origin of the site; 0 for the real Sun
 
     @property
     def sun_elevation_deg(self) -> float:
@@ -128,7 +129,7 @@ def sky(light: LightSettings, blend_folder: str | None = None) -> Sky:
         float(light.planet_spot_longitude_deg)) if light.planet else None
     diameter = float(light.sun_angular_diameter_deg)
     return Sky(sun, irradiance, diameter, planet, hidden_share(planet, diameter) if planet else 0.0,
-               _stars_by_angles(light))
+               _stars_by_angles(light), float(light.sun_distance_m))
 
 
 def _rings(light: LightSettings) -> tuple[Ring, ...]:
@@ -172,7 +173,8 @@ def sky_facts(shown: Sky) -> dict[str, Any]:
     return {"sun": {"direction_to_world": shown.sun.tolist(), "elevation_deg": shown.sun_elevation_deg,
                     "azimuth_deg": azimuth_deg(shown.sun), "irradiance_wm2": shown.sun_irradiance_wm2,
                     "angular_diameter_deg": shown.sun_diameter_deg,
-                    "ground_irradiance_wm2": on_ground[0], "eclipse": shown.eclipse},
+                    "ground_irradiance_wm2": on_ground[0], "eclipse": shown.eclipse,
+                    **({"distance_m": shown.sun_distance_m} if shown.sun_distance_m else {})},
             "j2000_to_world": shown.from_j2000.tolist(),
             "planet": None if planet is None else {
                 "direction_to_world": planet.direction.tolist(), "elevation_deg": elevation_deg(planet.direction),

@@ -66,6 +66,9 @@ def _refuse(pair: Pair) -> None:
     if pair.camera.toe_in_deg or pair.camera.rendered_px != (pair.camera.width_px, pair.camera.height_px):
         raise IcyMoonError(f"{pair.folder} has toe-in or overscan, which this export has not; render it without "
                            "rig.toe_in_deg and rig.overscan.")
+    if pair.settings.light.sun_distance_m:
+        raise IcyMoonError(f"{pair.folder} is lit by a lamp near the ground, which this export has not; render it "
+                           "without light.sun_distance_m.")
 
 
 def write_scene(pair: Pair, folder: Path) -> Path:

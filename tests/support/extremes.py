@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 import numpy as np
 from icymoon.labels import ROCK, TERRAIN
+from icymoon.nodes.light.sun_lamp import angular_diameter, irradiance_wm2
 from icymoon.nodes.scene import Built, build
 from icymoon.nodes.surface.patches_and_grain import ELEVATION
 from icymoon.physics.camera.stereo_geometry import rounding_m
@@ -161,9 +162,9 @@ def unused(built: Built) -> list[str]:
     if built.settings.light.directions_from == "ANGLES":
         light = built.settings.light
         disc = light.sun_angular_diameter_deg
-        pairs["light.sun_angular_diameter_deg"] = math.degrees(built.sun.data.angle), disc
+        pairs["light.sun_angular_diameter_deg"] = math.degrees(angular_diameter(built.sun)), disc
         if light.sun_elevation_deg + disc / 2 > 0 and not built.sky["sun"]["eclipse"]:
-            pairs["light.sun_irradiance_wm2"] = (built.sun.data.energy, light.sun_irradiance_wm2)
+            pairs["light.sun_irradiance_wm2"] = (irradiance_wm2(built.sun), light.sun_irradiance_wm2)
     return [f"{name} is {there:g} in the scene, not {stated:g}" for name, (there, stated) in pairs.items()
             if abs(there - stated) > 1e-6 * abs(stated) + 1e-12]
 

@@ -10,6 +10,8 @@ from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.physics.light.planetshine import irradiance_wm2
 from icymoon.physics.light.sky import sky, sky_facts
+from icymoon.physics.refused_scenes import reasons_of_settings
+from icymoon.physics.surfaces import photometry
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
@@ -56,6 +58,40 @@ def test_a_plane_in_sunlight_has_the_radiance_of_lambert_at_every_elevation(tmp_
             assert 0 <= view.radiance.mean() < irradiance * math.radians(diameter) * 0.8 / math.pi
         else:
             assert view.radiance.mean() == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize(("surface", "law"), [
+    ({}, photometry.lunar_lambert(0.8, 0.0)), ({"model": "LUNAR_LAMBERT", "lommel_seeliger_share": 0.6},
+                                               photometry.lunar_lambert(0.8, 0.6))], ids=["Lambert", "by nodes"])
+def test_a_lamp_near_the_ground_lights_each_point_from_its_own_side(tmp_path, surface, law):
+    """Irradiance by the inverse square of each point's distance, direction by the lamp's place: E (D/d)² cos i."""
+    pair, view = lit(tmp_path, {"sun_distance_m": 2.0, "sun_elevation_deg": 35.0, "sun_azimuth_deg": 120.0,
+                                "sun_angular_diameter_deg": 0.0}, {"quality": {"samples": 16}, "surface": surface})
+    camera, pose = pair.camera, np.array(pair.data["poses_camera_to_world"]["left"])
+    u, v = ((np.arange(n) + 0.5 - c) / camera.focal_px for n, c in (
+        (camera.width_px, camera.cx_px), (camera.height_px, camera.cy_px)))
+    ray = np.stack(np.broadcast_arrays(u[None, :], v[:, None], 1.0), axis=-1)
+    point = (ray * view.depth[..., None]) @ pose[:3, :3].T + pose[:3, 3]
+    sun = pair.data["light"]["sun"]
+    assert sun["distance_m"] == 2.0
+    assert sun["irradiance_wm2"] == pytest.approx(14.82)
+    way, eye = np.array(sun["direction_to_world"]) * 2.0 - point, pose[:3, 3] - point
+    far = np.linalg.norm(way, axis=-1)
+    i, e = np.arccos(way[..., 2] / far), np.arccos(eye[..., 2] / np.linalg.norm(eye, axis=-1))
+    azimuth = np.abs(np.angle(np.exp(1j * (np.arctan2(way[..., 1], way[..., 0]) - np.arctan2(eye[..., 1],
+                                                                                             eye[..., 0])))))
+    expected = 14.82 * (2.0 / far) ** 2 * law(i, e, azimuth)
+    assert far.max() / far.min() > 1.3  # a Sun far away would be off by 1.7 times
+    # A pixel spans 3 % of the distance to the lamp; its mean is that of its centre but for the curvature, 1e-3.
+    assert view.radiance.mean(axis=-1) == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize(("part", "word"), [
+    ({"light": {"planet": True}}, "without a date or a planet"), ({"surface": {"model": "HAPKE"}}, "to NODES")])
+def test_what_a_lamp_near_the_ground_cannot_light_is_refused(part, word):
+    near = {"light": {"sun_distance_m": 2.0, **part.get("light", {})}}
+    assert any(word in reason for reason in reasons_of_settings(complete(part, near)))
+    assert not reasons_of_settings(complete(part, {"hapke": {"backend": "NODES"}}))
 
 
 def test_the_planet_is_seen_where_it_stands_as_big_and_bright_as_it_is(tmp_path):
