@@ -37,8 +37,9 @@ from .ground import build_geometry, refuse_edited
 _SUN_M = 1e9
 #: Rows of the map of the sky: 0.1 degrees, a three-hundredth of Saturn's disc.
 _SKY_ROWS = 1800
-#: Standard deviation of the filter in pixels: that of a Blackman-Harris window 1.5 pixels wide, which Cycles has.
-_FILTER_PX = 0.2
+#: Standard deviation of the filter in pixels: that of a Blackman-Harris window of 3 pixels, from one end to the other.
+#: ``cycles.filter_width`` is 1.5 and half of that, since Cycles doubles the width of this window.
+_FILTER_PX = 0.4155
 #: Depth without Russian roulette, which would only add noise.
 _ALWAYS = 1000
 

@@ -60,6 +60,15 @@ def test_the_suns_disk_has_its_irradiance_and_faces_the_ground(diameter_deg):
     assert mitsuba._sun(direction, 14.82, 0.0)["irradiance"] == [14.82] * 3
 
 
+def test_the_film_has_a_filter_as_wide_as_that_of_cycles():
+    # The window over three pixels, with the coefficients of Harris 1978, Proc. IEEE 66, 51.
+    x = np.linspace(-1.5, 1.5, 30001)
+    turn = 2 * np.pi * x / 3
+    window = 0.35875 + 0.48829 * np.cos(turn) + 0.14128 * np.cos(2 * turn) + 0.01168 * np.cos(3 * turn)
+    deviation = math.sqrt((window * x * x).sum() / window.sum())
+    assert mitsuba._FILTER_PX == pytest.approx(deviation, abs=1e-4)
+
+
 def test_what_is_left_out_is_named():
     described = settings({"surface": {"model": "PRINCIPLED", "grain_amplitude_m": 0.01, "salt_share": 0.2},
                           "textures": {"set": "FROST"}})
