@@ -383,7 +383,7 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
             "blue", "material",
             choices=(("GREY", "Grey", "The same in all bands"),
                      ("SNOW", "Snow", "Pure snow, by its grains: bluer the coarser it is (Warren and Brandt 2008)"),
-                     ("EUROPA_PLAINS", "Europa's Plains", "Slightly yellow; from memory"),
+                     ("EUROPA_PLAINS", "Europa's Plains", "Slightly yellow; assumed"),
                      ("ENCELADUS_PLAINS", "Enceladus' Plains", "Nearly grey (Buratti 1984)"))),
     _metres("snow_grain_m", "Snow Grain Radius", 0.0001, 1.0e-6, 0.01, (2.5e-5, 0.002),
             "Optical radius of the grains of snow, which sets its colour: 25 µm for frost, 1 mm for old snow",
@@ -402,9 +402,9 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
             "stated above", "material",
             choices=(("BLACK", "Black", "Reflects nothing, so the ice is darker and keeps its colour"),
                      ("EUROPA_DARK", "Dark Material", "Europa's, brown: 0.17 in green (Helfenstein et al. 1998), 1.25 "
-                      "of that in red and 0.6 in blue, from memory"),
+                      "of that in red and 0.6 in blue, assumed"),
                      ("SULPHUR", "Sulphur", "Yellow-brown products of radiolysis; a guess"),
-                     ("THOLIN", "Red Organics", "Tholin, not found on either moon; from memory"))),
+                     ("THOLIN", "Red Organics", "Tholin, not found on either moon; assumed"))),
     _metres("dirt_patch_m", "Dirt Patch", 0.0, 0.0, 1.0e4, (0.0, 5.0),
             "Wavelength of patches that dirt covers wholly, with clean ice between them; 0 for an even mixture. Black "
             "dirt is always even", "material"),

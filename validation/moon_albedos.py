@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+
+import numpy as np
 
 from ..physics.surfaces import photometry
 from ..physics.surfaces.albedos import law_of
 from ..settings.description import defaults, merged
 from ..settings.preset_files import load_preset
 from .comparison import Bench, Comparison, Row
+from .published_spectra import europa_over_green
 
 _VERBISCER = "Verbiscer et al. 2007, Science 315, 815, as Wikipedia quotes it"
 _FILACCHIONE = "Filacchione et al. 2022, arXiv 2111.15541, abstract, 0.55 µm"
 _BOLOMETRIC = ("Likely causes: it is bolometric and the preset is for 0.55 µm, and the preset's phase function is that "
                "of Enceladus, which is a guess")
-_BLUE = "Likely cause: it was measured at 0.47 µm, where Europa is darker than at the preset's 0.55 µm"
+_BURATTI = ("Buratti et al. 2022, Planetary Science Journal 3, 200, as the program TrueColorTools quotes it")
+_NARROW = ("Likely cause: two measurements disagree by more than their errors; the preset meets the one that was made "
+           "at the smallest phase angles")
+_EARLIER = "Likely cause: two publications disagree by more than their errors; the preset meets the later one"
+_SPIKE = ("Likely cause: the narrow surge, which raises the preset from 0.62 at a phase of 1° to 0.75, and which an "
+          "extrapolation from larger angles has not")
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A measured albedo: ``quantity`` is geometric, Bond or equigonal, ``error`` as its authors print it."""
+    """A measured number: ``quantity`` is a key of ``_QUANTITIES``, ``error`` as its authors print it."""
 
     preset: str
     quantity: str
@@ -37,6 +46,7 @@ MEASURED = (
     Measured("enceladus_global", "equigonal", 0.89, 0.03, _FILACCHIONE, fitted=True),
     Measured("enceladus_global", "geometric", 1.41, 0.04, "Verbiscer et al. 2005 at 0.555 µm, quoted; its error is a "
              "guess"),
+    Measured("enceladus_global", "geometric", 1.24, 0.01, _BURATTI, why=_NARROW),
     Measured("enceladus_south_polar", "equigonal", 0.89, 0.03, f"{_FILACCHIONE}: the whole moon", fitted=True),
     Measured("enceladus_south_polar", "Bond", 0.81, 0.04, "Howett et al. 2010: the whole moon"),
     Measured("enceladus_south_polar", "geometric", 1.375, 0.03, f"{_VERBISCER}: the whole moon; the error is a guess"),
@@ -48,22 +58,33 @@ MEASURED = (
     Measured("mimas", "Bond", 0.595, 0.105, "Howett et al. 2011, as the same abstract quotes it: 0.49 to 0.70"),
     Measured("tethys", "equigonal", 0.74, 0.03, _FILACCHIONE, fitted=True),
     Measured("tethys", "geometric", 1.229, 0.005, f"{_VERBISCER} and others do; its error was not read", fitted=True),
+    Measured("tethys", "geometric", 0.93, 0.02, _BURATTI, why=_NARROW),
+    Measured("tethys", "equigonal", 0.797, 0.03, "Filacchione et al. 2018, Geophys. Res. Lett. 45, 6400, 0.55 µm, as "
+             "TrueColorTools quotes it; the error is that of 2022", why=_EARLIER),
     Measured("dione", "equigonal", 0.65, 0.03, _FILACCHIONE, fitted=True),
     Measured("dione", "geometric", 0.998, 0.004, _VERBISCER, fitted=True),
+    Measured("dione", "geometric", 0.75, 0.02, _BURATTI, why=_NARROW),
+    Measured("dione", "equigonal", 0.620, 0.03, "Filacchione et al. 2018, Geophys. Res. Lett. 45, 2184, 0.55 µm, as "
+             "TrueColorTools quotes it; the error is that of 2022", why=_EARLIER),
     Measured("dione", "Bond", 0.63, 0.15, "Howett et al. 2010, as Howett and Royer 2021, arXiv 2102.02130, quote it"),
     Measured("dione", "Bond", 0.44, 0.13, "Howett et al. 2014, as the same quote it", why=_BOLOMETRIC),
     Measured("rhea", "equigonal", 0.60, 0.05, _FILACCHIONE, fitted=True),
     Measured("rhea", "geometric", 0.949, 0.003, _VERBISCER, fitted=True),
+    Measured("rhea", "geometric", 0.89, 0.01, _BURATTI, why=_NARROW),
+    Measured("rhea", "phase integral", 0.71, 0.01, _BURATTI, why=_NARROW),
     Measured("rhea", "Bond", 0.59, 0.11, "Howett et al. 2014, Icarus, abstract: leading hemisphere"),
     Measured("rhea", "Bond", 0.56, 0.13, "the same: trailing hemisphere"),
     Measured("europa_global", "Bond", 0.65, 0.03, "Grundy et al. 2007 and Buratti, quoted: 0.62 to 0.68"),
-    Measured("europa_global", "geometric", 0.67, 0.05, "doi 10.48577/jpl.6IR6VA, abstract, 0.47 µm: 0.72 leading, 0.62 "
-             "trailing", why=_BLUE),
+    Measured("europa_global", "geometric", 0.67, 0.03, "V band, of JPL's table of satellites as Wikipedia quotes it",
+             why=_SPIKE),
+    Measured("europa_global", "phase integral", 0.97, 0.06, "Bond over geometric albedo, both as above", why=_SPIKE),
     Measured("europa_bright_plains", "Bond", 0.68, 0.003, "upper end of 0.62 to 0.68, as above", fitted=True),
 )
 
-_QUANTITIES = {"geometric": photometry.geometric_albedo, "Bond": photometry.bond_albedo,
-               "equigonal": photometry.equigonal_albedo}
+_QUANTITIES: dict[str, Callable[[photometry.Law], float]] = {
+    "geometric": photometry.geometric_albedo, "Bond": photometry.bond_albedo,
+    "equigonal": photometry.equigonal_albedo,
+    "phase integral": lambda law: photometry.bond_albedo(law) / photometry.geometric_albedo(law)}
 
 
 def preset_law(preset: str) -> photometry.Law:
@@ -74,16 +95,59 @@ def preset_law(preset: str) -> photometry.Law:
     return law
 
 
+def _measured_row(each: Measured) -> Row:
+    ours = _QUANTITIES[each.quantity](preset_law(f"surfaces/hapke_{each.preset}"))
+    name = each.quantity if " " in each.quantity else f"{each.quantity} albedo"
+    return Row(f"`hapke_{each.preset}`, {name}", ours, each.value, each.error, each.source, fitted=each.fitted,
+               why=each.why)
+
+
+def _magnitudes_per_degree(law: photometry.Law, near_deg: float, far_deg: float) -> float:
+    near, far = photometry.disc_brightness(law, np.radians([near_deg, far_deg]))
+    return float(2.5 * np.log10(near / far) / (far_deg - near_deg))
+
+
+def opposition_effect(law: photometry.Law) -> float:
+    """Increase of I/F of ground that is lit along its normal, from an emission and phase angle of 5° to 0°."""
+    five, none = law(np.zeros(2), np.radians([5.0, 0.0]), np.zeros(2))
+    return float(none / five - 1)
+
+
+def _europa_rows() -> list[Row]:
+    """What is published of Europa beside albedos at the presets' 0.55 µm."""
+    whole, plains, dark = (preset_law(f"surfaces/hapke_europa_{name}")
+                           for name in ("global", "bright_plains", "dark_lineae"))
+    colour, error = europa_over_green(470.0)
+    five = float(np.pi * dark(np.zeros(1), np.radians([5.0]), np.zeros(1))[0])
+    return [
+        Row(f"`hapke_europa_global`, geometric albedo at 0.47 µm, by the colour {colour:.3f} of the trailing side",
+            photometry.geometric_albedo(whole) * colour, 0.67, 0.05, "doi 10.48577/jpl.6IR6VA, abstract: 0.72 "
+            f"leading, 0.62 trailing; colour: see Colours, ± {error:.3f}"),
+        Row("`hapke_europa_global`, phase coefficient from 1.5° to 7°", _magnitudes_per_degree(whole, 1.5, 7.0), 0.01,
+            0.005, "Buratti et al. 2002, DPS 34, 41.06, abstract: as in the visible; one digit", unit="mag/°"),
+        Row("`hapke_europa_global`, phase coefficient from 0.38° to 0.6°", _magnitudes_per_degree(whole, 0.38, 0.6),
+            0.25, 0.03, "the same, 0.9 µm; the error is a guess", unit="mag/°",
+            why="Likely causes: the surge in the infrared is another one, and the published fit has too weak a surge, "
+                "see the next row"),
+        Row("`hapke_europa_bright_plains`, opposition effect over that of `hapke_europa_global`",
+            opposition_effect(plains) / opposition_effect(whole), 1.5, 0.1, "Helfenstein et al. 1998, Icarus 135, 41, "
+            "abstract: about 1.5 times what was known before; the error is a guess", fitted=True),
+        Row("`hapke_europa_dark_lineae`, I/F at emission and phase 5°", five, 0.17, 0.005, "the same, 0.56 µm",
+            fitted=True),
+        Row("`hapke_europa_dark_lineae`, opposition effect over that of `hapke_europa_bright_plains`",
+            opposition_effect(dark) / opposition_effect(plains), 3.0, 1.0, "the same: up to four times, of the darkest "
+            "spots, by shadow hiding; taken as 2 to 4"),
+    ]
+
+
 def _compare(bench: Bench) -> list[Row]:
-    laws = {each.preset: preset_law(f"surfaces/hapke_{each.preset}") for each in MEASURED}
-    return [Row(f"`hapke_{each.preset}`, {each.quantity} albedo", _QUANTITIES[each.quantity](laws[each.preset]),
-                each.value, each.error, each.source, fitted=each.fitted, why=each.why) for each in MEASURED]
+    return [*map(_measured_row, MEASURED), *_europa_rows()]
 
 
 COMPARISON = Comparison(
     "albedos", "Albedos of whole moons",
     "Albedos that follow from the presets with Hapke's law, by integration. The geometric albedo is the brightness of "
     "a full disc over that of a white, facing one; the Bond albedo is the share of all sunlight that is returned; the "
-    "equigonal albedo is I/F at i = e = g/2, extrapolated to g = 0 without the surge. `surfaces/hapke_europa_bands`, "
-    "`_ridges` and `_dark_lineae` are mixtures without a measurement of their own. `python benchmarks/fit_albedos.py` "
+    "equigonal albedo is I/F at i = e = g/2, extrapolated to g = 0 without the surge. `surfaces/hapke_europa_bands` "
+    "and `_ridges` are mixtures without a measurement of their own. `python benchmarks/fit_albedos.py` "
     "repeats the fits.", _compare)

@@ -2,7 +2,8 @@
 
 Snow is computed from the absorption of pure ice. The other materials are tables, since no spectrum of them at the scale
 of a lander's camera is published: a table has what is known of the colour, and ``Material.source`` states what is
-measured, what is from memory and what is a guess. The light of the Sun is folded in by ``light.bands``.
+measured, what is assumed, from memory and without a publication at hand, and what is a guess. ``validation`` holds snow
+and the grounds of both moons against published spectra. The light of the Sun is folded in by ``light.bands``.
 
 All reflectances are bihemispherical: the share of even light from all sides that flat ground returns.
 """
@@ -72,7 +73,7 @@ class Material:
     title: str
     wavelength_nm: tuple[float, ...]
     values: tuple[float, ...]  # reflectances
-    source: str  # of its numbers: what is published, what is from memory, what is a guess
+    source: str  # of its numbers: what is published, what is assumed, what is a guess
 
     def reflectance(self, wavelength_nm: np.ndarray | float) -> np.ndarray:
         """Its reflectance at wavelengths, of their shape."""
@@ -96,27 +97,29 @@ def _with_band(title: str, level: float, depth: float, centre_nm: float, fwhm_nm
     return Material(title, tuple(wavelength.tolist()), tuple((level * (1 - depth * band)).tolist()), source)
 
 
-#: Materials by their names in the settings. "Guess" and "from memory" mean what they say: replace them by a measurement
+#: Materials by their names in the settings. "Guess" and "assumed" mean what they say: replace them by a measurement
 #: if you have one.
 MATERIALS: dict[str, Material] = {
     "ENCELADUS_PLAINS": _coloured(
         "Plains of Enceladus", 0.9, (0.98, 0.99, 0.99, 0.985),
-        "Flat through the visible and into the ultraviolet (Buratti 1984, Icarus 59, 392); ratios of 0.99 from memory. "
-        "Level: a guess, near the high albedo of the moon; surface.albedo replaces it"),
+        "Flat through the visible and into the ultraviolet (Buratti 1984, Icarus 59, 392); ratios assumed. Cassini "
+        "measured up to 0.02 less toward red and violet. Level: a guess, near the high albedo of the moon; "
+        "surface.albedo replaces it"),
     "EUROPA_PLAINS": _coloured(
         "Bright plains of Europa", 0.7, (0.76, 0.88, 1.04, 1.06),
-        "Ratios of orange and blue to green 1.04 and 0.88, and level 0.7: from memory of Galileo's colours; the ends "
-        "are a guess that follows the downturn to the ultraviolet (Trumbo et al. 2020, AJ 160, 282)"),
+        "Ratios of orange and blue to green 1.04 and 0.88, and level 0.7: assumed, after Galileo's colours. Published "
+        "spectra of the trailing side have 0.05 less blue than these plains with some dark matter. The ends are a "
+        "guess that follows the downturn to the ultraviolet (Trumbo et al. 2020, AJ 160, 282)"),
     "EUROPA_DARK": _coloured(
         "Dark matter of Europa", 0.17, (0.42, 0.62, 1.25, 1.38),
         "Level: the darkest spots have 0.17 at 560 nm and 5° phase and are redder than dark ground of Ganymede "
         "(Helfenstein et al. 1998, Icarus 135, 41). One dark and red end member mixes with plains everywhere (Clark et "
-        "al. 1998, Icarus 135, 95). Ratios of orange and blue to green 1.25 and 0.62: from memory, good to 0.1; the "
+        "al. 1998, Icarus 135, 95). Ratios of orange and blue to green 1.25 and 0.62: assumed, good to 0.1; the "
         "ends are a guess"),
     "SULPHATE_SALTS": _coloured(
         "Hydrated sulphates", 0.8, (0.96, 0.98, 1.01, 1.01),
         "Hydrates of magnesium and sodium sulphate have their bands above 1 µm (McCord et al. 1998, Science 280, 1242) "
-        "and are white in the visible; ratios from memory. Level: a guess"),
+        "and are white in the visible; ratios assumed. Level: a guess"),
     "ACID_HYDRATE": _coloured(
         "Sulphuric-acid hydrate", 0.75, (1.0, 1.0, 1.0, 1.0),
         "Colourless in the visible: the brown of Europa's trailing side is from sulphur (Carlson et al. 1999, Science "
@@ -124,18 +127,18 @@ MATERIALS: dict[str, Material] = {
     "SULPHUR": _coloured(
         "Sulphur from radiolysis", 0.5, (0.35, 0.6, 1.2, 1.25),
         "Chains and rings of sulphur in the acid hydrate (Carlson et al. 1999, Science 286, 97); ratios of orange and "
-        "blue to green 1.2 and 0.6 from memory, level and ends a guess"),
+        "blue to green 1.2 and 0.6 assumed, level and ends a guess"),
     "IRRADIATED_SALT": _with_band(
         "Irradiated table salt, laboratory", 0.8, 0.38, 460.0, 80.0,
         "Sodium chloride with colour centres, F band at 460 nm (Cerubini et al. 2022); its depth, which leaves "
-        "about 0.7 of the green in the blue, and its width of 80 nm from memory. Level: a guess"),
+        "about 0.7 of the green in the blue, and its width of 80 nm are assumed. Level: a guess"),
     "EUROPA_SALT": _with_band(
         "Irradiated salt of Europa", 0.7, 0.06, 450.0, 80.0,
         "The band near 450 nm of chaos on the leading side (Trumbo et al. 2019, Science Advances 5, eaaw7123); depth "
-        "and width from memory. Level: a guess, that of the plains"),
+        "and width assumed. Level: a guess, that of the plains"),
     "THOLIN": _coloured(
         "Red organics (tholin)", 0.15, (0.3, 0.5, 1.5, 2.0),
         "Reddest of the laboratory's organics from ices and gases (Cruikshank et al. 2005, Adv. Space Res. 36, 178, "
-        "show that they colour many bodies); ratios of orange and blue to green 1.5 and 0.5 from memory, level and "
+        "show that they colour many bodies); ratios of orange and blue to green 1.5 and 0.5 assumed, level and "
         "ends a guess. Not found on Europa or Enceladus"),
 }

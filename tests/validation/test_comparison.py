@@ -116,7 +116,7 @@ def test_the_manual_has_a_section_of_every_comparison():
         assert f"--only {each.name}`" in page
 
 
-@pytest.mark.parametrize("name", ["albedos", "codes"])
+@pytest.mark.parametrize("name", ["albedos", "colours", "codes"])
 def test_what_takes_seconds_passes_and_is_in_the_manual(name, tmp_path):
     comparison, = (each for each in COMPARISONS if each.name == name)
     found = run_comparison(comparison, Bench(tmp_path, quick=True))

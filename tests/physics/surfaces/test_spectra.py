@@ -51,7 +51,7 @@ def test_materials_reflect_no_more_than_all_and_state_their_source(name):
     material = MATERIALS[name]
     assert (np.abs(material.reflectance(VISIBLE_NM) - 0.5) < 0.5).all()
     assert list(material.wavelength_nm) == sorted(material.wavelength_nm)
-    assert any(word in material.source for word in ("guess", "from memory"))
+    assert any(word in material.source for word in ("guess", "assumed"))
 
 
 def test_dark_matter_of_europa_is_brown():

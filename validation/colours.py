@@ -1,0 +1,68 @@
+"""Colours of the materials, beside published spectra that were not used to make them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..physics.surfaces.spectra import MATERIALS, snow_reflectance
+from . import published_spectra as published
+from .comparison import Bench, Comparison, Row
+
+#: Reflectance at 550 nm of Europa's trailing hemisphere: the lower end of the moon's Bond albedo, as it is the darker
+#: side.
+_TRAILING_GREEN = 0.62
+_COLOURS_NM = (400.0, 460.0, 620.0, 700.0)
+#: Largest error of the closed form for snow that counts as agreement, and of ratios of Enceladus.
+_SNOW, _ENCELADUS = 0.005, 0.03
+_COARSE = "Likely cause: for grains of millimetres the closed form for snow leaves out the smooth surface of firn"
+_SULPHUR = ("Likely cause: the ratios of the plains are assumed, and sulphur stains plains of the trailing side too "
+            "(Carlson et al. 1999, Science 286, 97)")
+
+
+def _snow_rows() -> list[Row]:
+    rows = []
+    for radius, albedos in published.SNOW.items():
+        for wavelength in _COLOURS_NM:
+            ours = float(snow_reflectance(wavelength, radius))
+            rows.append(Row(f"clean snow, grains of {radius * 1e6:g} µm: albedo at {wavelength:g} nm", ours,
+                            albedos[published.WAVELENGTH_NM.index(wavelength)], _SNOW, published.SNOW_SOURCE,
+                            why=_COARSE))
+    return rows
+
+
+def _enceladus_rows() -> list[Row]:
+    plains = MATERIALS["ENCELADUS_PLAINS"].reflectance(np.array(published.WAVELENGTH_NM))
+    ours, theirs = (spectrum / spectrum[published.GREEN] for spectrum in (plains, published.ENCELADUS))
+    return [Row(f"`ENCELADUS_PLAINS`, {wavelength:g} over 550 nm",
+                float(ours[published.WAVELENGTH_NM.index(wavelength)]),
+                float(theirs[published.WAVELENGTH_NM.index(wavelength)]), _ENCELADUS, published.ENCELADUS_SOURCE)
+            for wavelength in _COLOURS_NM]
+
+
+def dark_share() -> float:
+    """Share of dark matter beside plains that gives Europa's trailing hemisphere its reflectance at 550 nm."""
+    plains, dark = (float(MATERIALS[name].reflectance(550.0)) for name in ("EUROPA_PLAINS", "EUROPA_DARK"))
+    return (plains - _TRAILING_GREEN) / (plains - dark)
+
+
+def _europa_rows() -> list[Row]:
+    share, rows = dark_share(), []
+    for wavelength in _COLOURS_NM:
+        plains, dark = (float(MATERIALS[name].reflectance(wavelength)) for name in ("EUROPA_PLAINS", "EUROPA_DARK"))
+        theirs, error = published.europa_over_green(wavelength)
+        rows.append(Row(f"`EUROPA_PLAINS` with {100 * share:.0f} % `EUROPA_DARK`, {wavelength:g} over 550 nm",
+                        ((1 - share) * plains + share * dark) / _TRAILING_GREEN, theirs, error,
+                        published.EUROPA_SOURCE, why=_SULPHUR))
+    return rows
+
+
+def _compare(bench: Bench) -> list[Row]:
+    return [*_snow_rows(), *_enceladus_rows(), *_europa_rows()]
+
+
+COMPARISON = Comparison(
+    "colours", "Colours",
+    "Reflectances of materials at 400, 460, 620 and 700 nm, beside spectra that others published and that no material "
+    "was made from. The spectra were read from the tables of the program TrueColorTools. Europa's trailing hemisphere "
+    "is compared with plains that have as much dark matter as makes their reflectance 0.62 at 550 nm. For salts, "
+    "sulphur and tholin no spectrum was found: their numbers are assumed.", _compare)
