@@ -8,7 +8,7 @@ ZIP := dist/icymoon.zip
 PROCESSES ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
 PYTEST := $(RUN) -m pytest --numprocesses $(PROCESSES) --maxprocesses 4 --dist worksteal
 
-.PHONY: demo env test test-ci test-all test-lanes measure-tests mutants lint zip lock docs clean
+.PHONY: demo env test test-ci test-all test-lanes measure-tests mutants lint zip store lock docs clean
 
 demo: $(VENV)/.demo
 	$(RUN) -m icymoon demo
@@ -50,6 +50,10 @@ lint: $(VENV)/.tests .types/icymoon
 
 zip: $(VENV)/.demo
 	$(RUN) tests/extension_zip.py $(ZIP)
+
+# The extension with the evaluator's packages inside, for each Python and platform: `make store WEBSITE=https://…`
+store: $(VENV)/.demo
+	$(RUN) tests/store_zip.py --website "$(WEBSITE)"
 
 # What Install Evaluator installs, anew: the newest versions within the tested bounds, but OpenCV as the tests have it.
 lock: $(VENV)/.tests

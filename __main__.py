@@ -39,6 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
     system = importlib.import_module("icymoon.system")
     system.set_utf8_output()
     # These may be busy for minutes, and leave nothing unfinished.
+    importlib.import_module("icymoon.bundled_wheels").use()
     system.obey_starter(at_once=arguments[:1] in (["worker"], ["resident-worker"], ["assets"]))
     if arguments and arguments[0] in _PROGRAMS:
         if arguments[0] in _IN_BLENDER and "bpy" not in sys.modules and importlib.util.find_spec("bpy") is None:

@@ -9,15 +9,15 @@ from typing import Any
 
 import bpy
 
-from . import cache
+from . import bundled_wheels, cache
 from .commands.doctor import Finding
 from .errors import IcyMoonError
 from .files import parse_path
 from .formats import asset_library
 from .settings import announcements, trust_boundary
-from .stereo.environment.install import is_unfinished
 from .stereo.environment.packages import PACKAGES
 from .system import venv_python
+from .version import ROOT
 
 #: Packages that the evaluator's Python needs, as shown to the user.
 _NEEDED = ", ".join(name for name, *_ in PACKAGES.values())
@@ -32,6 +32,11 @@ def extension_folder() -> Path:
                            "Python.") from None
 
 
+def can_install_evaluator() -> bool:
+    """Whether this extension can install packages; a store build brings them and has no installer."""
+    return (ROOT / "stereo" / "environment" / "install.py").is_file()
+
+
 def own_evaluator_python() -> Path:
     """The Python of the evaluator that the Install button installs."""
     return venv_python(extension_folder() / "evaluator")
@@ -39,6 +44,10 @@ def own_evaluator_python() -> Path:
 
 def has_own_evaluator() -> bool:
     """Whether the Install button has installed an evaluator, as a whole."""
+    if not can_install_evaluator():
+        return False
+    from .stereo.environment.install import is_unfinished
+
     try:
         own = own_evaluator_python()
     except IcyMoonError:  # not installed as an extension
@@ -77,8 +86,9 @@ def _preferences() -> Any:
 def find_evaluator_python() -> str:
     """Path of the Python that evaluates.
 
-    It is the first of these: the preference, ``ICYMOON_EVALUATOR``, this Python if Blender is a module of it, the
-    Python that the Install button installed. Raises IcyMoonError if there is none.
+    It is the first of these: the preference, ``ICYMOON_EVALUATOR``, this Python if Blender is a module of it, Blender's
+    own Python with the wheels of a store build, the Python that the Install button installed. Raises IcyMoonError if
+    there is none.
     """
     preferences = _preferences()
     chosen = bpy.path.abspath(preferences.evaluator) if preferences and preferences.evaluator else ""
@@ -92,14 +102,30 @@ def find_evaluator_python() -> str:
             return str(path)
     if not bpy.app.binary_path:
         return sys.executable
+    if bundled_wheels.are_there() and (blenders := bundled_wheels.find_python()):
+        return blenders
     if has_own_evaluator():
         return str(own_evaluator_python())
-    raise IcyMoonError("There is no evaluator yet; open Preferences > Add-ons > Icy Moon and press Install Evaluator, "
-                       f"or choose a Python that has {_NEEDED}.")
+    raise IcyMoonError(_how_to_get_one())
+
+
+def _how_to_get_one() -> str:
+    """What to do where there is no evaluator, as a sentence."""
+    if not can_install_evaluator():
+        return ("The Python of this Blender was not found as a program, or it lacks numpy, so it cannot evaluate; "
+                f"choose a Python that has {_NEEDED} in Preferences > Add-ons > Icy Moon, or name it by "
+                "ICYMOON_EVALUATOR.")
+    if bpy.app.background:
+        return ("There is no evaluator yet; install it with blender --online-mode -b --python-expr \"import bpy; "
+                f"bpy.ops.icymoon.install_evaluator()\", or set ICYMOON_EVALUATOR to a Python that has {_NEEDED}.")
+    return ("There is no evaluator yet; open Preferences > Add-ons > Icy Moon and press Install Evaluator, or choose a "
+            f"Python that has {_NEEDED}.")
 
 
 def is_evaluator_missing() -> bool:
     """Whether there is no evaluator yet and the Install button can make one."""
+    if not can_install_evaluator():
+        return False
     try:
         extension_folder()
     except IcyMoonError:
@@ -205,7 +231,8 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
 
     evaluator: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Evaluator's Python", subtype="FILE_PATH", default="",
-        description=f"Python that evaluates pairs, with {_NEEDED}. Empty for the one that Install Evaluator installs")
+        description=f"Python that evaluates pairs, with {_NEEDED}. Empty for the one that comes with the extension or "
+                    "that Install Evaluator installs")
     kernels: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="SPICE Kernels", subtype="FILE_PATH", default="",
         description="A meta-kernel, or a folder of kernels, for scenes whose sky positions are from SPICE kernels and "
@@ -231,11 +258,15 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         row = layout.row()  # at the top, where it is visible without scrolling
         row.operator("icymoon.check_evaluator", icon="CHECKMARK")
         there = has_own_evaluator()
-        row.operator("icymoon.install_evaluator", text="Reinstall Evaluator" if there else "Install Evaluator",
-                     icon="IMPORT")
+        if can_install_evaluator():
+            row.operator("icymoon.install_evaluator", text="Reinstall Evaluator" if there else "Install Evaluator",
+                         icon="IMPORT")
         if there:
             row.operator("icymoon.remove_evaluator", text="Remove Evaluator", icon="TRASH")
             layout.label(text=f"The evaluator is installed in {own_evaluator_python().parents[1]}", icon="CHECKMARK")
+        if bundled_wheels.are_there():
+            layout.label(text="The evaluator is part of the extension; only networks need a Python of their own",
+                         icon="CHECKMARK")
         row = layout.row()
         row.operator("icymoon.make_asset_library", icon="ASSET_MANAGER",
                      text="Make Asset Library Again" if has_assets() else "Make Asset Library")
@@ -286,6 +317,7 @@ def show_findings(found: list[Finding]) -> None:
 
 def register() -> None:
     """Register the preferences. From now on, scenes that need kernels and name none get the preferred ones."""
+    bundled_wheels.announce(Path(bpy.utils.user_resource("EXTENSIONS")))
     bpy.utils.register_class(ICYMOON_PG_matcher)
     bpy.utils.register_class(ICYMOON_AP_preferences)
     announcements.listeners.append(_give_kernels)
@@ -306,3 +338,4 @@ def unregister() -> None:
     _found_matchers.clear()
     bpy.utils.unregister_class(ICYMOON_AP_preferences)
     bpy.utils.unregister_class(ICYMOON_PG_matcher)
+    bundled_wheels.withdraw()

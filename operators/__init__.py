@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+from typing import Any
+
 import bpy
 
 from . import (
@@ -34,10 +37,16 @@ from . import (
     view_resolution,
 )
 
-CLASSES = (*presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
-           *show_pair.CLASSES, *dataset.CLASSES, *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES,
-           *errors_in_view.CLASSES, *evaluator.CLASSES, *assets.CLASSES, *trade.CLASSES, *add.CLASSES, *vary.CLASSES,
-           *variation_pictures.CLASSES, *jobs.CLASSES, *manual.CLASSES)
+CLASSES: tuple[Any, ...] = (
+    *presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
+    *show_pair.CLASSES, *dataset.CLASSES, *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES,
+    *errors_in_view.CLASSES, *evaluator.CLASSES, *assets.CLASSES, *trade.CLASSES, *add.CLASSES, *vary.CLASSES,
+    *variation_pictures.CLASSES, *jobs.CLASSES, *manual.CLASSES)
+
+if find_spec(f"{__package__}.install_evaluator"):  # a store build has it not
+    from . import install_evaluator
+
+    CLASSES = (*CLASSES, *install_evaluator.CLASSES)
 
 _register, _unregister = bpy.utils.register_classes_factory(CLASSES)
 

@@ -8,6 +8,7 @@ import bpy
 
 from ..operators import jobs
 from ..operators.presets import preset_items
+from ..preferences import can_install_evaluator
 from ..settings.preset_files import KINDS
 
 #: Width of the progress bar in heights of a button. At Blender's default width its text would be cut.
@@ -112,7 +113,8 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.hide_surface")
         layout.separator()
         layout.operator("icymoon.check_evaluator", text="Check Evaluator")
-        layout.operator("icymoon.install_evaluator", text="Install Evaluator")
+        if can_install_evaluator():
+            layout.operator("icymoon.install_evaluator", text="Install Evaluator")
         layout.separator()
         layout.operator("icymoon.make_asset_library")
         layout.operator("icymoon.remove_asset_library")

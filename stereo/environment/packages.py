@@ -11,6 +11,7 @@ import sys
 from contextlib import redirect_stderr, redirect_stdout
 from typing import Any
 
+from ... import bundled_wheels
 from ...errors import IcyMoonError
 
 PYTHON = (3, 11)
@@ -85,5 +86,8 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 
 def _install_advice() -> str:
+    if bundled_wheels.find_folder():
+        return ("these came with Icy Moon, and another extension may have replaced them: install Icy Moon again, or "
+                "disable that extension.")
     names = " ".join(f'"{requirement(module)}"' for module in PACKAGES)
     return f"run {sys.executable} -m pip install {names}, or choose another Python."

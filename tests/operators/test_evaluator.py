@@ -8,7 +8,7 @@ import bpy
 import pytest
 from icymoon import preferences
 from icymoon.errors import IcyMoonError
-from icymoon.operators import evaluator
+from icymoon.operators import install_evaluator
 from icymoon.system import venv_python
 from stand_ins import stand_in
 
@@ -86,26 +86,35 @@ class Question:
 
 @pytest.mark.parametrize(("online", "buttons"), [(True, []), (False, ["extensions.userpref_allow_online"])])
 def test_the_question_before_installing_offers_online_access_where_it_is_off(monkeypatch, online, buttons):
-    monkeypatch.setattr(evaluator, "bpy", SimpleNamespace(app=SimpleNamespace(online_access=online)))
+    monkeypatch.setattr(install_evaluator, "bpy", SimpleNamespace(app=SimpleNamespace(online_access=online)))
     question = Question()
-    evaluator.ICYMOON_OT_install_evaluator.draw(stand_in(layout=question), bpy.context)
+    install_evaluator.ICYMOON_OT_install_evaluator.draw(stand_in(layout=question), bpy.context)
     assert "390 MB" in question.texts[0]
     assert question.buttons == buttons
 
 
 def test_nothing_is_installed_without_online_access(extension, monkeypatch):
-    monkeypatch.setattr(evaluator, "bpy", SimpleNamespace(app=SimpleNamespace(online_access=False)))
-    monkeypatch.setattr(evaluator, "Process", None)
+    monkeypatch.setattr(install_evaluator, "bpy", SimpleNamespace(app=SimpleNamespace(online_access=False)))
+    monkeypatch.setattr(install_evaluator, "Process", None)
     with pytest.raises(IcyMoonError, match="needs online access; allow it in Preferences > System"):
-        evaluator.ICYMOON_OT_install_evaluator.start(stand_in(), bpy.context)
+        install_evaluator.ICYMOON_OT_install_evaluator.start(stand_in(), bpy.context)
 
 
 def test_after_installing_what_was_asked_for_is_evaluated(monkeypatch):
     asked = []
     icymoon = SimpleNamespace(evaluate=lambda *given, **how: asked.append(how))
-    monkeypatch.setattr(evaluator, "bpy", SimpleNamespace(ops=SimpleNamespace(icymoon=icymoon)))
+    monkeypatch.setattr(install_evaluator, "bpy", SimpleNamespace(ops=SimpleNamespace(icymoon=icymoon)))
     for scope in ("NOTHING", "DATASET"):
         installing = stand_in(then_evaluate=scope, report=lambda *_: None)
-        evaluator.ICYMOON_OT_install_evaluator.report_success(installing, bpy.context)
+        install_evaluator.ICYMOON_OT_install_evaluator.report_success(installing, bpy.context)
     preferences.show_findings([])
     assert asked == [{"scope": "DATASET"}]
+
+
+@pytest.mark.parametrize(("background", "said"), [
+    (True, r"install it with blender --online-mode -b --python-expr .*install_evaluator.*or set ICYMOON_EVALUATOR"),
+    (False, "open Preferences > Add-ons > Icy Moon and press Install Evaluator")])
+def test_who_has_no_evaluator_is_told_what_can_be_done_there(extension, monkeypatch, background, said):
+    monkeypatch.setattr(bpy, "app", SimpleNamespace(binary_path="/blender", background=background))
+    with pytest.raises(IcyMoonError, match=said):
+        preferences.find_evaluator_python()

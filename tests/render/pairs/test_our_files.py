@@ -237,7 +237,7 @@ REMOVES = {"render/pairs/our_files.py": "the one way", "system.py": "how it is d
            "operators/trade.py": "its own temporary folder",
            "scratch.py": "its own temporary folder, and those marked by processes of this user that are gone",
            "operators/presets.py": "the preset that a user removes, with its picture",
-           "operators/evaluator.py": "the environment that it has made, when a user asks for it",
+           "operators/install_evaluator.py": "the environment that it has made, when a user asks for it",
            "operators/show_pair.py": "its own temporary folder",
            "operators/variation_pictures.py": "its own temporary folder",
            "stereo/matchers/resident_process.py": "its own temporary folder",

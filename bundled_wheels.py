@@ -1,0 +1,84 @@
+"""The packages that come inside a store build of the extension, and the Python that evaluates with them.
+
+Blender unpacks the wheels of all extensions into one folder of its user's. The evaluator uses them in a process of its
+own: Blender's Python, started as a program. Inside Blender they must not be loaded, since OpenEXR's wheel and Blender's
+own OpenEXR have the same names, and writing a file crashes. Imports no Blender.
+"""
+
+from __future__ import annotations
+
+import os
+import site
+import sys
+from functools import cache
+from pathlib import Path
+
+from .system import find_pythons, is_python, run
+from .version import ROOT
+
+#: Tells processes of ours Blender's Python, by its prefix, and the folder of the wheels, with os.pathsep between them.
+VARIABLE = "ICYMOON_WHEELS"
+#: Prints what tells a Python from others, if it has numpy.
+_TRIAL = "import sys, numpy; print(*sys.version_info[:2], sys.prefix)"
+_TRIAL_S = 60.0
+
+
+def are_there(root: Path = ROOT) -> bool:
+    """Whether this is a store build: an extension with wheels inside."""
+    return any((root / "wheels").glob("*.whl"))
+
+
+def announce(extensions: Path) -> None:
+    """Tell the processes that are started from here where Blender has unpacked the wheels.
+
+    ``extensions`` is the folder of the user's extensions. Does nothing if this is no store build.
+    """
+    version = f"python{sys.version_info[0]}.{sys.version_info[1]}"
+    folder = extensions / ".local" / "lib" / version / "site-packages"
+    if are_there():
+        os.environ[VARIABLE] = f"{sys.prefix}{os.pathsep}{folder}"
+
+
+def withdraw() -> None:
+    """Undo ``announce``."""
+    os.environ.pop(VARIABLE, None)
+
+
+def find_folder() -> str:
+    """The folder of the wheels if this is Blender's Python, as a program; empty if it is another one, or Blender."""
+    prefix, _, folder = os.environ.get(VARIABLE, "").rpartition(os.pathsep)
+    ours = prefix and os.path.realpath(prefix) == os.path.realpath(sys.prefix)
+    return folder if ours and "bpy" not in sys.modules and os.path.isdir(folder) else ""
+
+
+def use() -> None:
+    """Have this process find the wheels, before what is installed, as Blender does. In another Python it does
+    nothing."""
+    folder = find_folder()
+    if folder and folder not in sys.path:
+        installed = {*site.getsitepackages(), site.getusersitepackages()}
+        place = next((k for k, path in enumerate(sys.path) if path in installed), len(sys.path))
+        sys.path.insert(place, folder)
+
+
+@cache
+def find_python() -> str | None:
+    """Blender's own Python as a program; None if there is none that has Blender's numpy.
+
+    Blender's ``sys.executable`` may be any Python on the search path, so each candidate is tried.
+    """
+    for candidate in (Path(sys.executable), *find_pythons(Path(sys.base_prefix))):
+        if is_python(str(candidate)) and candidate.is_file() and _is_blenders(candidate):
+            return str(candidate)
+    return None
+
+
+def _is_blenders(python: Path) -> bool:
+    outside = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+    try:
+        done = run([str(python), "-I", "-c", _TRIAL], outside, _TRIAL_S)
+    except OSError:  # TimeoutError is one
+        return False
+    major, minor, prefix = ([*done.stdout.strip().split(" ", 2), "", "", ""])[:3]
+    return (major, minor) == tuple(map(str, sys.version_info[:2])) and (
+        os.path.realpath(prefix) == os.path.realpath(sys.prefix))
