@@ -22,22 +22,25 @@ def add_verb(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None
 
 def find_all() -> dict[str, Found]:
     """The plug-ins of this Python by kind."""
-    from ..stereo.matchers import find_plugins
+    from ..stereo import matchers
+    from ..stereo.export import plug_in as exports
+    from ..stereo.measure import plug_in as metrics
 
-    return {"matcher": find_plugins()}
+    return {"matcher": matchers.find_plugins(), "metric": metrics.find_plugins(), "export": exports.find_plugins()}
 
 
 def checks_of(plugin: Plugin) -> Iterator[Check]:
     """All checks of a plug-in, until one fails without which the others mean nothing."""
     yield from check_package(plugin)
-    from ..stereo.plugin_checks import check_matcher
+    from ..stereo.plugin_checks import check_export, check_matcher, check_metric
 
-    special: dict[str, Callable[[Plugin], Iterator[Check]]] = {"matcher": check_matcher}
+    special: dict[str, Callable[[Plugin], Iterator[Check]]] = {
+        "matcher": check_matcher, "metric": check_metric, "export": check_export}
     yield from special[plugin.kind](plugin)
 
 
 def _run(options: argparse.Namespace) -> int:
-    packages.require("numpy", "cv2")
+    packages.require("numpy", "cv2", "OpenEXR")
     found = find_all()
     if options.name is None:
         return _list(found)

@@ -11,11 +11,12 @@ from contextlib import nullcontext
 from typing import Any
 
 from ..errors import IcyMoonError
+from ..plugins.installed import Found, find
 from ..terminal import as_path, report_end, show_counted_progress, show_progress
 from .environment import packages
+from .export import EXPORTS
 
 PROGRAM = "icymoon.stereo"
-
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code: 0, 1 for an error that the user can fix, 2 for wrong usage, 130 when
@@ -85,10 +86,9 @@ def _parser() -> argparse.ArgumentParser:
     command = commands.add_parser("export", help="write pairs and their truth in another layout")
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
     what = command.add_mutually_exclusive_group(required=True)
-    what.add_argument("--format", help="layout to write",
-                      choices=("png8", "png16", "pfm", "kitti", "middlebury", "coco", "raw", "cahvor", "colmap",
-                               "fits", "tiff", "ros2", "webdataset", "sceneflow", "mitsuba", "dem", "ply", "obj",
-                               "usd"))
+    exports = find("export", EXPORTS)
+    what.add_argument("--format", help="layout to write", type=lambda name: _not_refused(name, exports),
+                      choices=(*EXPORTS, *exports.usable))
     what.add_argument("--for-prediction", action="store_true",
                       help="write only what a method on another machine needs: images and camera of each pair, foreign "
                       "ones too")
@@ -112,6 +112,13 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     command.set_defaults(run=_run_develop)
     return parser
+
+
+def _not_refused(name: str, found: Found) -> str:
+    """The name of a plug-in, unless it is refused: then argparse shows why."""
+    if name in found.refused and name not in EXPORTS:
+        raise argparse.ArgumentTypeError(found.refused[name])
+    return name
 
 
 def stereo_verbs() -> list[str]:
@@ -360,7 +367,17 @@ def _print_summary(report: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from .report.table_columns import MEASURED, RANKING, SECONDS, TOTALS, format_rank, format_result, is_best
+    from .report.table_columns import (
+        MEASURED,
+        RANKING,
+        SECONDS,
+        TOTALS,
+        columns_of_plugins,
+        format_plugin,
+        format_rank,
+        format_result,
+        is_best,
+    )
 
     console = Console()
     if not console.is_terminal:
@@ -380,6 +397,15 @@ def _print_summary(report: dict[str, Any]) -> None:
             rank = format_rank(entry, ranking)
             table.add_row(entry["method"], f"[bold]{rank}[/]" if is_best(entry, ranking, summary) else rank,
                           *(format_result(entry, column) for column in columns))
+        console.print(table)
+    if report["plug_ins"]:
+        table = Table(title=f"{means}, metrics of plug-ins", title_justify="left")
+        table.add_column("Method", overflow="fold")
+        of_plugins = columns_of_plugins(report["plug_ins"])
+        for column in of_plugins:
+            table.add_column(column.title, justify="right")
+        for entry in summary:
+            table.add_row(entry["method"], *(format_plugin(entry, column) for column in of_plugins))
         console.print(table)
     if report["verdicts"]:
         console.print(report["verdicts"], highlight=False, markup=False)

@@ -26,6 +26,7 @@ from .environment import packages
 from .matchers import files_of, release_of
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
+from .measure.plug_in import metrics_of_plugins
 from .measure_pair import Run, Task, failed_row, measure_pair
 from .measuring_cluster import measure_on_cluster
 from .measuring_processes import Processes, choose_count
@@ -63,13 +64,15 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     IcyMoonError if there is no pair, if ``out`` cannot be written, or if it contains files that no evaluation wrote.
 
     The report is {"format", "version", "summary", "comparisons", "verdicts", "rare_failures", "rows", "pairs",
-    "failed", "suspect", "notes", "briefs", "provenance"}; ``notes`` are sentences on what limits the comparison,
-    ``briefs`` their first parts, for where there is little room; an undefined value is null. ``rows`` and ``pairs`` are
-    read from the disk on demand.
+    "failed", "suspect", "notes", "briefs", "plug_ins", "provenance"}; ``notes`` are sentences on what limits the
+    comparison, ``briefs`` their first parts, for where there is little room; an undefined value is null. ``rows`` and
+    ``pairs`` are read from the disk on demand.
 
     * ``summary``: one entry per method, see ``summary.summarise_method``, with its ``ranks``; ``comparisons``: see
       ``summary.compare_methods``; ``verdicts``: what they can show, in words;
       ``rare_failures``: those of its sentences that say which methods fail heavily in few pairs.
+    * ``plug_ins``: the metrics of plug-ins, see ``plug_in.PluginMetric.to_json``; the numbers are in ``plug_ins`` of
+      each row, and their means with intervals in ``plug_ins`` of each entry of the summary.
     * ``rows``: ``pair``, ``method``, ``status`` ("ok", "suspect" or "failed"), the numbers of ``row.NUMBERS``,
       ``error_curve``, ``sparsification``, ``strata``, ``histograms``, ``common`` (numbers beside each other method,
       see ``common_pixels``, and that method's key), the complete ``options``, ``search`` (the disparities that were
@@ -98,7 +101,7 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     evaluation.log.compact((name, method.label) for name in names for method in methods)
     failed, suspect = evaluation.sorted_messages()
     return write_results(evaluation.log, names, methods, out, failed, suspect, _source(paths, response or {}), seed,
-                         guiss)
+                         guiss, evaluation.faults)
 
 
 def _measure(evaluation: _Evaluation, paths: Sequence[Path], run: Run, count: int, dask: str | None
@@ -126,6 +129,10 @@ class _Evaluation:
         self._failed: list[dict[str, Any]] = []
         self._suspect: list[dict[str, Any]] = []
         self._warned: set[str] = set()
+        metrics, self.faults = metrics_of_plugins()
+        self._metrics = [metric.inputs() for metric in metrics]
+        for fault in self.faults:
+            self._tell({"type": "warning", "message": fault})
         self._setups = {method.label: _method_inputs(method) for method in run.methods}
 
     def tasks(self) -> Iterator[Task]:
@@ -150,7 +157,7 @@ class _Evaluation:
         if method.name == PREDICTION:
             with suppress(IcyMoonError):  # which is reported where it is read
                 inputs = [*inputs, read_checksum(find_prediction(method, pair))]
-        return _digest([content, inputs])
+        return _digest([content, inputs, *([self._metrics] if self._metrics else [])])
 
     def _is_finished(self, row: Row, task: Task) -> bool:
         compared = all(row["common"].get(label, {}).get("key") == key for label, key in task.keys.items()

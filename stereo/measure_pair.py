@@ -22,6 +22,7 @@ from .matchers.methods import Method
 from .matchers.search_range import AUTO, SearchRange, known_ranges
 from .measure.common_pixels import common_numbers
 from .measure.costs import COSTS
+from .measure.plug_in import plugin_numbers
 from .measure.prepare import Prepared
 from .measure.result_row import NUMBERS, own_numbers
 from .report.row_log import Row
@@ -144,6 +145,7 @@ def _make_row(prepared: Prepared, run: Run, task: Task, method: Method, disparit
     return {"pair": prepared.pair.name, "method": method.label, "key": task.keys[method.label],
             "status": "ok" if prepared.check.ok else "suspect",
             **own_numbers(prepared, disparity, info["options"]["min_disparity"] if method.name == "bm" else None),
+            **plugin_numbers(prepared, disparity),
             "common": {}, **{key: info[key] for key in COSTS},
             "options": info["options"], "search": info["search"], "counts": info["counts"], "facts": info["facts"],
             "error": "",

@@ -8,15 +8,22 @@ from typing import Any
 
 import numpy as np
 
+from ..files import sha256
 from ..plugins.check import Check, check_of
 from ..plugins.installed import Plugin
+from ..scratch import scratch_folder
+from ..settings.description import defaults
+from .export.plug_in import ExportedPair, PluginExport
 from .matchers.plug_in import PluginMatcher
+from .measure.plug_in import MeasuredMap, PluginMetric
 
 #: The images of the trial, odd on purpose; the disparity grows by this much from row to row.
 _HEIGHT, _WIDTH, _FARTHEST_PX, _ROW_PX = 119, 161, 9.0, 0.1
 #: A matcher that measures is right to this, px, in most of its pixels; the wrong sign or unit is off by ten times that.
 _RIGHT_PX = 1.0
 _LEAST_PX, _COUNT = 0, 32
+#: The camera of the trial.
+_FOCAL_PX, _FOCAL_BASELINE_PX_M = 86.0, 21.5
 
 
 def textured_pair(height: int = _HEIGHT, width: int = _WIDTH, colour: bool = False
@@ -108,3 +115,77 @@ def _try(run: Callable[..., Any], key: str, value: Any) -> None:
 
 def _nothing(result: Any) -> None:
     """No fault, since it came back."""
+
+
+def check_metric(plugin: Plugin) -> Iterator[Check]:
+    """Try a metric on a disparity map with gaps, one without an error, and one without a measurement."""
+    made: list[PluginMetric] = []
+    yield (first := check_of("it has measure(found), and its unit is declared",
+                             lambda: made.append(PluginMetric(plugin))))
+    if first.fault:
+        return
+    left, _, truth = textured_pair()
+    rough = truth + np.where(np.arange(_WIDTH) % 7 < 3, 0.75, -0.25)
+    rough[::5] = np.nan
+
+    def run(disparity: np.ndarray, true: np.ndarray = truth) -> float | None:
+        depth, true_depth = (_FOCAL_BASELINE_PX_M / values for values in (disparity, true))
+        return made[0].measure(MeasuredMap(disparity.copy(), depth, true.copy(), true_depth, np.isfinite(true), left,
+                                           _FOCAL_PX, _FOCAL_BASELINE_PX_M / _FOCAL_PX))
+
+    found: list[float | None] = []
+    yield (ran := check_of("it returns a number", lambda: found.append(run(rough))))
+    if ran.fault:
+        return
+    yield Check("it is defined for a map with errors and gaps", "" if found[0] is not None else
+                f"{plugin.title} returned NaN or infinity for a map with errors and gaps; leave out what is NaN.")
+    yield check_of("the same map gives the same number", lambda: None if run(rough) == found[0] else
+                   f"{plugin.title} gave two numbers for the same map; draw its random numbers from a fixed seed.")
+    yield check_of("a map that is the truth is no error", partial(_call, run, truth))
+    yield check_of("a map without a measurement is no error", partial(_call, run, np.full_like(truth, np.nan)))
+    sky = np.where(np.arange(_HEIGHT)[:, None] < 40, np.nan, truth)
+    yield check_of("sky without a truth is no error", partial(_call, run, rough, sky))
+    yield check_of("a pair without any truth is no error", partial(_call, run, rough, np.full_like(truth, np.nan)))
+
+
+def check_export(plugin: Plugin) -> Iterator[Check]:
+    """Try an export on a pair of a grey camera and one of a colour camera, the latter without labels."""
+    made: list[PluginExport] = []
+    yield (first := check_of("it has write_pair(pair, folder)", lambda: made.append(PluginExport(plugin))))
+    if first.fault:
+        return
+    with scratch_folder() as folder:
+        written: dict[str, dict[str, str]] = {}
+
+        def run(out: str, colour: bool) -> str:
+            files = made[0].write_pair(_pair_to_export(colour), folder / out)
+            written[out] = {path.relative_to(folder / out).as_posix(): sha256(path) for path in files}
+            return ""
+
+        yield (ran := check_of("it writes a pair of a grey camera", partial(run, "first", False)))
+        if ran.fault:
+            return
+        yield check_of("the same pair gives the same files", lambda: run("second", False) or (
+            "" if written["first"] == written["second"] else
+            f"{plugin.title} wrote other bytes for the same pair; leave out the time and other things that change."))
+        yield check_of("it writes a pair of a colour camera, without labels", partial(run, "colour", True))
+        if made[0].finishes:
+            yield check_of("finish(names, folder) is no error",
+                           lambda: made[0].finish(["first"], folder / "first"))
+
+
+def _pair_to_export(colour: bool) -> ExportedPair:
+    left, right, disparity = textured_pair(colour=colour)
+    disparity = np.where(np.arange(_HEIGHT)[:, None] < 10, np.nan, disparity)
+    depth, seen = _FOCAL_BASELINE_PX_M / disparity, np.isfinite(disparity)
+    light = np.repeat(left[..., None], 3, axis=-1) if left.ndim == 2 else left
+    labels = None if colour else seen.astype(np.int32)
+    settings = {topic: dict(values) for topic, values in defaults().items()}
+    return ExportedPair("trial", left.astype(np.uint16) << 4, right.astype(np.uint16) << 4, 12,
+                        light.astype(np.float32), light.astype(np.float32), depth, depth, disparity, disparity, seen,
+                        seen, labels, labels, _FOCAL_PX, _WIDTH / 2, _HEIGHT / 2, _FOCAL_BASELINE_PX_M / _FOCAL_PX,
+                        settings)
+
+
+def _call(run: Callable[..., Any], *arguments: Any) -> None:
+    run(*arguments)

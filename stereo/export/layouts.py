@@ -30,12 +30,14 @@ import numpy as np
 from ...errors import DiskError, IcyMoonError, describe_error
 from ...files import escape_cell, write_atomically, write_json, write_text
 from ...labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
+from ...plugins.installed import Plugin
 from ...render.pairs.pair_folder import EYES, StereoCamera
 from ..images.develop import exposure_facts, to_8_bit
 from ..images.image_files import write_bytes, write_png
 from ..measure.prepare import Loaded, distinct_pairs, load
 from .cameras import write_cahvor, write_colmap
 from .encodings import KITTI_SCALE, MILLIMETRES, run_lengths, write_pfm, write_scaled
+from .plug_in import PluginExport, find_plugins, pair_for_plugins
 from .radiance_factor import write_fits, write_tiff
 from .raw import write_raw
 from .ros_bag import write_ros2
@@ -53,15 +55,35 @@ _VISIBLE, _HIDDEN = 255, 128
 
 def export(paths: Sequence[Path], kind: str, out: Path,
            response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None) -> list[str]:
-    """Write all pairs at ``paths`` in the layout ``kind``, a key of FORMATS, to ``out``; return a sentence per failure.
+    """Write all pairs at ``paths`` to ``out`` in the layout ``kind``, a key of FORMATS or the name of a plug-in; return
+    a sentence per failure.
 
     ``response`` overrides settings that need no new render. A pair that cannot be used is left out and reported by an
     event {"type": "error", "message"}; one that fails its self-check by {"type": "warning", "message"}. Raises
     IcyMoonError if there is no pair or ``out`` cannot be written.
     """
     pairs = _Pairs(distinct_pairs(paths), response or {}, on_event)
-    FORMATS[kind](pairs.write_each, out)
+    write = FORMATS.get(kind) or _of_plugin(find_plugins().usable[kind])
+    write(pairs.write_each, out)
     return pairs.failed
+
+
+def _of_plugin(plugin: Plugin) -> Format:
+    """The layout of a plug-in."""
+    made = PluginExport(plugin)
+
+    def write_all(each: Each, out: Path) -> None:
+        names: list[str] = []
+
+        def write(pair: Loaded) -> None:
+            made.write_pair(pair_for_plugins(pair), out)
+            names.append(pair.pair.folder.name)
+
+        each(write)
+        if names:
+            made.finish(names, out)
+
+    return write_all
 
 
 class _Pairs:

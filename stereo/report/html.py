@@ -37,8 +37,10 @@ from .table_columns import (
     SECONDS,
     SUMMARY,
     TOTALS,
+    columns_of_plugins,
     format_interval,
     format_number,
+    format_plugin,
 )
 
 #: Most pairs shown with pictures; half of them are the worst ones. The CSV file contains all.
@@ -87,6 +89,7 @@ def write_report(report: Mapping[str, Any], ranking: Mapping[str, Any], chosen: 
         columns=SUMMARY, totals=(*TOTALS, SECONDS), measured=MEASURED,
         compared=_comparison_rows(report["comparisons"]), compared_columns=COMPARED_COLUMNS,
         format_number=format_number, format_interval=format_interval, guiss=GUISS if guiss else (),
+        plugin_columns=columns_of_plugins(report["plug_ins"]), format_plugin=format_plugin,
         charts=draw_charts(report["summary"], table, sweeps, phase_curves(report["pairs"])),
         other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
         joined=[sweep for sweep in sweeps[:MOST_SWEEPS] if sweep.together], mixed=count_values(report["pairs"]),

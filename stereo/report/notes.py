@@ -39,7 +39,9 @@ class Note:
 class Notes:
     """Collects from pairs and rows, one after the other, what ``found`` returns."""
 
-    def __init__(self, methods: Sequence[Method]) -> None:
+    def __init__(self, methods: Sequence[Method], faults: Sequence[str] = ()) -> None:
+        self._faults = list(faults)
+        self._failures: dict[str, list[str]] = {}
         self._search: dict[str, list[tuple[str, Mapping[str, Any]]]] = {method.label: [] for method in methods}
         self._pairs, self._noisy, self._estimated = 0, 0, 0
         self._decided: list[float] = []
@@ -57,6 +59,8 @@ class Notes:
     def add(self, row: Mapping[str, Any]) -> None:
         """Add the row of a method on a pair."""
         label = row["method"]
+        for name, sentence in row.get("plug_in_faults", {}).items():
+            self._failures.setdefault(name, []).append(f"{label} on {row['pair']}: {sentence}")
         if row.get("search"):
             self._search[label].append((row["pair"], row["search"]))
 
@@ -66,7 +70,13 @@ class Notes:
         from_truth = [label for label, found in self._search.items() if any(s["source"] == TRUTH for _, s in found)]
         known = (Note(f"{label} has its range from truth", "it searches only the disparities that each pair contains, "
                       "which no camera knows.") for label in from_truth)
-        return [*filter(None, missed), *self._noise(), *known, *self._occlusion()]
+        return [*filter(None, missed), *self._noise(), *known, *self._plugins(), *self._occlusion()]
+
+    def _plugins(self) -> Iterator[Note]:
+        for fault in self._faults:
+            yield Note("A metric is left out", fault)
+        for name, sentences in self._failures.items():
+            yield Note(f"The metric {name} failed {len(sentences)} times", f"the first time, {sentences[0]}")
 
     def _occlusion(self) -> Iterator[Note]:
         if self._estimated:

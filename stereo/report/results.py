@@ -18,6 +18,7 @@ from ..environment import packages
 from ..matchers.methods import Method
 from ..measure import common_pixels
 from ..measure.metrics import ERROR_STEPS_M, SHARES
+from ..measure.plug_in import metrics_of_plugins
 from ..measure.result_row import NUMBERS, REGIONS
 from .by_setting import scene_of, swept_settings
 from .charts import write_curves
@@ -49,6 +50,7 @@ ROW: dict[str, Shape] = {
     "counts": Each(COUNT, TEXT), "strata": TABLE, "sparsification": TABLE, "error_curve": Each(ANYTHING),
     "histograms": Each(Each(NUMBER), TEXT),
     "common": Each({"key": TEXT, **dict.fromkeys(common_pixels.NUMBERS, _KNOWN)}, TEXT),
+    "plug_ins": Maybe(Each(_KNOWN, TEXT)), "plug_in_faults": Maybe(Each(TEXT, TEXT)),
     **dict.fromkeys(NUMBERS, _KNOWN)}
 #: Entries of the report that ``summary.json`` lacks, because they grow with the number of pairs.
 _MANY = ("rows", "pairs")
@@ -56,10 +58,11 @@ _MANY = ("rows", "pairs")
 
 def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], out: Path,
                   failed: list[dict[str, Any]], suspect: list[dict[str, Any]], source: Mapping[str, Any],
-                  seed: int, guiss: bool) -> dict[str, Any]:
+                  seed: int, guiss: bool, faults: Sequence[str] = ()) -> dict[str, Any]:
     """Write ``results.csv``, ``report.json``, ``summary.json`` and ``report.html`` of the pairs ``names``; return the
-    report. ``summary.json`` is the report without its rows and pairs, but with ``shown``: the rows of the pairs whose
-    pictures are in the HTML report. ``curves`` are pictures of the error by the setting that varies."""
+    report. ``faults`` are sentences about plug-ins that were left out. ``summary.json`` is the report without its rows
+    and pairs, but with ``shown``: the rows of the pairs whose pictures are in the HTML report. ``curves`` are pictures
+    of the error by the setting that varies."""
     labels = [method.label for method in methods]
     rows = LazyRows(len(names) * len(labels),
                     lambda k: _short_row(log.read(names[k // len(labels)], labels[k % len(labels)])))
@@ -69,7 +72,8 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
     table = Table(labels, names)
     places = {name: k for k, name in enumerate(names)}
     scenes: dict[str, int] = {}
-    notes = Notes(methods)
+    notes = Notes(methods, faults)
+    metrics = [metric.to_json() for metric in metrics_of_plugins()[0]]
     for pair in facts:
         table.by_noise[places[pair["pair"]]] = notes.add_pair(pair)
         table.scenes[places[pair["pair"]]] = scenes.setdefault(pair.get("scene") or scene_of(pair), len(scenes))
@@ -92,8 +96,9 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
               "rows": rows, "pairs": facts, "failed": failed,
               "suspect": suspect, "notes": [note.sentence for note in notes.found()],
               "briefs": [note.brief for note in notes.found()],
+              "plug_ins": metrics,
               "provenance": _provenance(methods, ran_on, source, seed)}
-    write_atomically(out / "results.csv", lambda part: _write_csv(part, rows))
+    write_atomically(out / "results.csv", lambda part: _write_csv(part, rows, [m["name"] for m in metrics]))
     write_atomically(out / "report.json", lambda part: _write_report_json(part, report))
     chosen = choose_pairs(table, usable)
     shown = [rows[places[name] * len(labels) + k] for name in chosen for k in range(len(labels))]
@@ -129,13 +134,15 @@ def _short_row(row: Row) -> Row:
     return {key: value for key, value in row.items() if key not in _LONG}
 
 
-def _write_csv(part: Path, rows: Iterable[Row]) -> None:
-    """Write all rows as CSV with a header line; undefined numbers are empty."""
+def _write_csv(part: Path, rows: Iterable[Row], metrics: Sequence[str]) -> None:
+    """Write all rows as CSV with a header line, the ``metrics`` of plug-ins after ours; undefined numbers are empty."""
     with part.open("w", encoding="utf-8", newline="") as stream:
-        writer = csv.DictWriter(stream, ("pair", "method", "status", *NUMBERS, "error"), extrasaction="ignore",
-                                lineterminator="\n")
+        writer = csv.DictWriter(stream, ("pair", "method", "status", *NUMBERS, *metrics, "error"),
+                                extrasaction="ignore", lineterminator="\n")
         writer.writeheader()
-        writer.writerows({**row, **{key: escape_cell(row[key]) for key in ("pair", "method", "error")}} for row in rows)
+        texts = ("pair", "method", "error")
+        writer.writerows({**row.get("plug_ins", {}), **row, **{key: escape_cell(row[key]) for key in texts}}
+                         for row in rows)
 
 
 def _write_report_json(part: Path, report: Mapping[str, Any]) -> None:

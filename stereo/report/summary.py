@@ -70,6 +70,7 @@ class Table:
         self.failed = np.zeros((len(methods), len(pairs)), bool)
         self.scenes = np.full(len(pairs), -1)
         self.by_noise = np.zeros(len(pairs), bool)  # pairs whose result noise of the render decides
+        self.plugins: dict[str, np.ndarray] = {}  # (methods, pairs) of each metric of a plug-in, NaN where undefined
         self.strata: list[dict[str, Any] | None] = [None] * len(methods)
         self.histograms: list[disparity_histograms.Histograms | None] = [None] * len(methods)
         self._curves: list[dict[str, list[Any]]] = [{key: [np.zeros(steps), 0] for key, steps in (
@@ -83,6 +84,9 @@ class Table:
             return
         self.counts[method, pair] = True
         self.values[method, pair] = [np.nan if row[key] is None else row[key] for key in NUMBERS]
+        for name, value in row.get("plug_ins", {}).items():
+            column = self.plugins.setdefault(name, np.full((len(self.methods), len(self.pairs)), np.nan))
+            column[method, pair] = np.nan if value is None else value
         for other in row["common"].keys() & set(self.methods):
             self.common[method, self.methods.index(other), pair] = [
                 np.nan if (value := row["common"][other][key]) is None else value for key in common_pixels.NUMBERS]
@@ -153,6 +157,8 @@ def summarise_method(table: Table, method: int) -> dict[str, Any]:
     result["error_curve"] = table.curve(method, "error_curve")
     result["sparsification"] = {key: table.curve(method, key) for key in ("texture", "best")}
     result["histograms"] = table.histograms[method] or {}
+    result["plug_ins"] = {name: _mean_with_interval(numbers[method][counted], table.scenes[counted])
+                          for name, numbers in table.plugins.items()}
     result["strata"] = {factor.key: {"classes": list(factor.classes), **sums} for factor in by_pixel_class.FACTORS
                         if (sums := (table.strata[method] or {}).get(factor.key))}
     return result
@@ -215,6 +221,13 @@ def _means(columns: np.ndarray) -> np.ndarray:
     count = known.sum(axis=0)
     total = np.where(known, columns, 0.0).sum(axis=0)
     return np.divide(total, count, out=np.full(columns.shape[1], np.nan), where=count > 0)
+
+
+def _mean_with_interval(numbers: np.ndarray, scenes: np.ndarray) -> dict[str, Any]:
+    """The ``mean`` of the numbers of pairs that are not NaN, its 95 % ``interval`` or None, and how many ``pairs``."""
+    low, high = intervals(numbers[:, None], scenes)[0]
+    return {"mean": _number(_means(numbers[:, None])[0]), "pairs": int((~np.isnan(numbers)).sum()),
+            "interval": [float(low), float(high)] if np.isfinite(low) else None}
 
 
 def _number(value: float) -> float | None:

@@ -71,6 +71,16 @@ COMPARED_COLUMNS = (
     Column("seconds", "CPU", "×", 2))
 
 
+def columns_of_plugins(metrics: Sequence[Mapping[str, Any]]) -> list[Column]:
+    """The columns of the metrics of plug-ins, from ``plug_ins`` of a report."""
+    return [Column(m["name"], m["heading"], m["unit"], m["decimals"], m["doc"]) for m in metrics]
+
+
+def format_plugin(entry: Mapping[str, Any], column: Column) -> str:
+    """The mean of a plug-in's metric in the summary of a method; a dash if it is undefined."""
+    return _format(entry["plug_ins"].get(column.key, {}).get("mean"), column)
+
+
 def format_number(entry: Mapping[str, Any], column: Column, prefix: str = "") -> str:
     """The number ``entry[prefix + key]`` without its unit; a dash if it is undefined."""
     return _format(entry.get(prefix + column.key), column)

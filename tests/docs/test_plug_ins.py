@@ -12,7 +12,7 @@ from icymoon.version import ROOT
 from plugin_packages import examples
 
 PAGE = (ROOT / "docs" / "howto" / "plug-ins.md").read_text(encoding="utf-8")
-NAMES = ["census", "few_paths"]
+NAMES = ["census", "depth_p95", "few_paths", "npz"]
 
 
 def test_every_example_is_on_the_page_and_tried_here(plugins_of_the_manual):
@@ -21,6 +21,13 @@ def test_every_example_is_on_the_page_and_tried_here(plugins_of_the_manual):
         assert f"`docs/examples/{project.name}`" in PAGE
     found = {plugin.name: plugin.kind for each in find_all().values() for plugin in each.usable.values()}
     assert plugins_of_the_manual.items() <= found.items()
+
+
+def test_the_metric_of_the_page_is_the_example():
+    """But for its types."""
+    source = (ROOT / "docs" / "examples" / "icymoon-quantile-metric" / "icymoon_quantile_metric.py").read_text("utf-8")
+    source = source.replace("from __future__ import annotations\n\nfrom typing import Any\n\n", "")
+    assert source.replace("(found: Any) -> float:", "(found):") in PAGE
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,0 +1,118 @@
+"""Metrics of packages that the user installed, which every evaluation measures beside ours."""
+
+from __future__ import annotations
+
+import numbers
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import read_checksum
+from ...plugins.installed import Found, Plugin, explained, find, function_of, load, source_files, summary_of
+from .metrics import usable
+from .prepare import Prepared, none_for_nan
+from .result_row import NUMBERS, depth_of
+
+#: Units of a metric; % is for shares from 0 to 1.
+UNITS = ("", "%", "px", "m", "cm", "mm", "s", "deg", "1/m")
+
+
+def find_plugins() -> Found:
+    """The metrics of packages that are installed in this Python."""
+    return find("metric", NUMBERS)
+
+
+@dataclass(frozen=True)
+class MeasuredMap:
+    """What ``measure`` of a plug-in gets; arrays are (H, W) of the left image.
+
+    ``disparity_px`` and ``depth_m`` are what the matcher found, NaN where nothing. ``true_disparity_px`` and
+    ``true_depth_m`` are the truth, NaN for sky. ``visible`` is true where the right eye sees the point too. ``left`` is
+    the image, uint8, (H, W) or B, G, R (H, W, 3).
+    """
+
+    disparity_px: np.ndarray
+    depth_m: np.ndarray
+    true_disparity_px: np.ndarray
+    true_depth_m: np.ndarray
+    visible: np.ndarray
+    left: np.ndarray
+    focal_px: float
+    baseline_m: float
+
+
+def map_for_plugins(prepared: Prepared, disparity: np.ndarray) -> MeasuredMap:
+    """A disparity map and the truth of its pair, as copies: nothing that a plug-in does reaches ours."""
+    found, camera = np.where(usable(disparity), disparity, np.nan).astype(np.float64), prepared.pair.camera
+    return MeasuredMap(found, depth_of(prepared, found), np.array(camera.disparity(prepared.truth)),
+                       np.array(prepared.truth), np.array(prepared.visible), np.array(prepared.left), camera.focal_px,
+                       camera.baseline_m)
+
+
+class PluginMetric:
+    """The metric of a plug-in. Raises IcyMoonError if the plug-in cannot be loaded or is not complete."""
+
+    def __init__(self, plugin: Plugin) -> None:
+        self.plugin, self.loaded = plugin, load(plugin)
+        self._measure = function_of(plugin, self.loaded, "measure", "found")
+        self.heading = str(getattr(self.loaded, "TITLE", plugin.name))
+        self.unit, self.decimals = getattr(self.loaded, "UNIT", None), getattr(self.loaded, "DECIMALS", 3)
+        if self.unit not in UNITS:
+            raise IcyMoonError(f"{plugin.title} states UNIT = {self.unit!r}; state one of {UNITS}, % for a share.")
+        if not (isinstance(self.decimals, int) and 0 <= self.decimals <= 9):
+            raise IcyMoonError(f"{plugin.title} states DECIMALS = {self.decimals!r}; give a number from 0 to 9.")
+
+    def measure(self, found: MeasuredMap) -> float | None:
+        """The number, None where it is undefined. Raises IcyMoonError if the plug-in fails or gives none."""
+        with explained(self.plugin), np.errstate(all="ignore"):
+            value = self._measure(found)
+        if isinstance(value, bool) or not isinstance(value, (numbers.Real, np.floating, np.integer)):
+            raise IcyMoonError(f"{self.plugin.title} returned {type(value).__name__}; return a number, or NaN where "
+                               "the metric is undefined.")
+        return none_for_nan(float(value))
+
+    def to_json(self) -> dict[str, Any]:
+        """What the report states about it."""
+        return {"name": self.plugin.name, "heading": self.heading, "unit": self.unit, "decimals": self.decimals,
+                "doc": summary_of(self.loaded), "plug_in": self.plugin.release}
+
+    def inputs(self) -> list[Any]:
+        """What its numbers depend on, besides the pair and the disparity."""
+        files = source_files(self.loaded)
+        return [self.plugin.name, self.plugin.release, [read_checksum(Path(file)) for file in files]]
+
+
+def metrics_of_plugins() -> tuple[list[PluginMetric], list[str]]:
+    """The metrics that can be measured, and a sentence about each that cannot."""
+    found = find_plugins()
+    metrics, faults = [], list(found.refused.values())
+    for plugin in found.usable.values():
+        try:
+            metrics.append(_metric(plugin))
+        except IcyMoonError as error:
+            faults.append(f"{error} It is left out.")
+    return metrics, faults
+
+
+@lru_cache(maxsize=64)
+def _metric(plugin: Plugin) -> PluginMetric:
+    return PluginMetric(plugin)
+
+
+def plugin_numbers(prepared: Prepared, disparity: np.ndarray) -> dict[str, Any]:
+    """The part of a row that is from plug-ins: ``plug_ins``, a number or None by name, and ``plug_in_faults``, a
+    sentence by name where one failed."""
+    measured: dict[str, float | None] = {}
+    faults: dict[str, str] = {}
+    metrics, _ = metrics_of_plugins()
+    for metric in metrics:
+        name = metric.plugin.name
+        try:
+            measured[name] = metric.measure(map_for_plugins(prepared, disparity))
+        except IcyMoonError as error:
+            measured[name], faults[name] = None, str(error)
+    return {"plug_ins": measured, "plug_in_faults": faults} if metrics else {}
