@@ -38,19 +38,32 @@ def main(arguments: list[str] | None = None) -> int:
     arguments = sys.argv[1:] if arguments is None else arguments
     system = importlib.import_module("icymoon.system")
     system.set_utf8_output()
-    # These may be busy for minutes, and leave nothing unfinished.
     importlib.import_module("icymoon.bundled_wheels").use()
+    # These may be busy for minutes, and leave nothing unfinished.
     system.obey_starter(at_once=arguments[:1] in (["worker"], ["resident-worker"], ["assets"]))
     if arguments and arguments[0] in _PROGRAMS:
-        if arguments[0] in _IN_BLENDER and "bpy" not in sys.modules and importlib.util.find_spec("bpy") is None:
-            importlib.import_module("icymoon.render.workers.process").emit("error", message=no_blender())
-            return 1
         with system.silence_interrupts():
+            if arguments[0] in _IN_BLENDER and (fault := _find_blender_fault()):
+                importlib.import_module("icymoon.render.workers.process").emit("error", message=fault)
+                return 1
             program = importlib.import_module(f"icymoon.{_PROGRAMS[arguments[0]]}")
         return int(program.main(arguments[1:]))
     with system.silence_interrupts():
         program = importlib.import_module("icymoon.commands.cli")
     return int(program.main(arguments))
+
+
+def _find_blender_fault() -> str:
+    """Why Blender cannot be loaded as a module, with the fix; empty if it can, or for an error that nobody knows."""
+    if "bpy" in sys.modules:
+        return ""
+    if importlib.util.find_spec("bpy") is None:
+        return no_blender()
+    try:
+        importlib.import_module("bpy")
+    except ImportError as error:
+        return str(importlib.import_module("icymoon.system").explain_missing_library(str(error)))
+    return ""
 
 
 def _end_quietly(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:

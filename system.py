@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -231,6 +232,33 @@ def cache_folder() -> Path:
     usual = {"win32": ("LOCALAPPDATA", home / "AppData" / "Local"), "darwin": ("", home / "Library" / "Caches")}
     variable, otherwise = usual.get(PLATFORM, ("XDG_CACHE_HOME", home / ".cache"))
     return Path(os.environ.get(variable) or otherwise)
+
+
+# Libraries
+
+#: What Blender as a module needs of a desktop, which a server or a container may lack: packages by system.
+BLENDER_NEEDS = {
+    "Debian and Ubuntu": "sudo apt install libegl1 libgl1 libice6 libsm6 libx11-6 libxext6 libxfixes3 libxi6 "
+                         "libxkbcommon0 libxrender1 libxt6 libxxf86vm1",
+    "Fedora": "sudo dnf install libICE libSM libX11 libXext libXfixes libXi libXrender libXt libXxf86vm libglvnd-egl "
+              "libglvnd-glx libxkbcommon"}
+_MISSING_LIBRARY = re.compile(r"(\S+?\.so[.\d]*): cannot open shared object file|Library not loaded: (\S+)")
+
+
+def explain_missing_library(error: str) -> str:
+    """What Blender as a module lacks of the system and how to get it, as a sentence; empty for another error."""
+    if "DLL load failed" in error:
+        return ("Windows lacks a library that Blender needs; install Microsoft Visual C++ Redistributable 2015-2022 "
+                "(x64), and on Windows Server its feature Media Foundation.")
+    found = _MISSING_LIBRARY.search(error)
+    if found is None:
+        return ""
+    name = found[1] or found[2]
+    if PLATFORM == "darwin":
+        return (f"Blender does not find its library {name}; macOS brings all that it needs, so update macOS and "
+                f"install Blender again: {sys.executable} -m pip install --force-reinstall bpy.")
+    ways = ", or ".join(f"{command} ({system})" for system, command in BLENDER_NEEDS.items())
+    return f"This system lacks {name}, which Blender needs; install what it needs of a desktop: {ways}."
 
 
 # Pythons and commands

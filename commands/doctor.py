@@ -50,7 +50,9 @@ def examine_blender(executable: str) -> list[Finding]:
     try:
         facts = probe_blender(executable)
     except IcyMoonError as error:
-        return [Finding("Blender", "missing", str(error), "Install the bpy package or give a Blender with --blender.")]
+        fact, _, fix = str(error).partition("; ")  # a known fault says what to do
+        return [Finding("Blender", "missing", fact.removesuffix("."), f"{fix[0].upper()}{fix[1:]}" if fix else
+                        "Install the bpy package or give a Blender with --blender.")]
     version = tuple(int(part) for part in facts["blender"].split()[0].split(".")[:2])
     supported = version >= (4, 2)
     devices = ", ".join(facts["devices"])

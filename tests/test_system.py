@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import errno
 import fcntl
+import json
 import os
+import re
 import signal
 import subprocess
 import sys
+import sysconfig
 from pathlib import Path
 
 import pytest
@@ -166,3 +169,52 @@ def test_ctrl_c_ends_a_worker_at_once_and_is_an_exception_elsewhere():
                 "try:\n    os.kill(os.getpid(), signal.SIGINT); time.sleep(9)\n"
                 "except KeyboardInterrupt:\n    sys.exit(3)")
         assert subprocess.run([sys.executable, "-c", code], check=False).returncode == status
+
+
+@pytest.mark.parametrize(("platform", "error", "said"), [
+    ("linux", "libXi.so.6: cannot open shared object file: No such file or directory",
+     r"This system lacks libXi\.so\.6, .* libxi6 .* \(Debian and Ubuntu\), or sudo dnf .* libXi .* \(Fedora\)\."),
+    ("linux", "libGL.so.1: cannot open shared object file: No such file", r"lacks libGL\.so\.1, .* libgl1 "),
+    ("darwin", "dlopen(/a/bpy/__init__.so, 2): Library not loaded: @loader_path/lib/libtbb.dylib",
+     r"@loader_path/lib/libtbb\.dylib; macOS brings .* update macOS"),
+    ("win32", "DLL load failed while importing bpy: The specified module could not be found.", r"Visual C\+\+ Redist"),
+    ("linux", "cannot import name 'nothing' from 'bpy'", r"\A\Z"),
+    ("linux", "/a/bpy/__init__.so: undefined symbol: xyz", r"\A\Z")])
+def test_a_library_that_blender_lacks_is_named_with_its_package(monkeypatch, platform, error, said):
+    monkeypatch.setattr(system, "PLATFORM", platform)
+    assert re.search(said, system.explain_missing_library(error))
+
+
+def test_every_library_that_blender_asks_of_the_desktop_is_in_the_packages():
+    """As the linker sees it: what the module needs, less the C library and what the module brings."""
+    module = Path(sysconfig.get_path("platlib"), "bpy", "__init__.so")
+    if not module.is_file():
+        pytest.skip("Blender is no module of an environment here")
+    listed = subprocess.run(["ldd", str(module)], capture_output=True, text=True, check=True).stdout
+    needed = {match[1] for match in re.finditer(r"^\s*lib(\w+?)\.so\S* => (?!.*bpy)", listed, re.MULTILINE)}
+    # What each of those brings along, and what every Linux with a Python has.
+    needed -= {"xcb", "Xau", "Xdmcp", "uuid", "bsd", "md", "GLdispatch", "GLX",
+               "c", "m", "dl", "pthread", "util", "rt", "gcc_s", "crypt"}
+    assert {"Xi", "SM", "GL"} <= needed
+    words = {where: command.lower() for where, command in system.BLENDER_NEEDS.items()}
+    for name in needed:
+        for where, packages in words.items():
+            known = {"gl": ("libgl1", "libglvnd-glx")}.get(name.lower(), (f"lib{name.lower()}",))
+            assert any(f" {each}" in packages for each in known), f"{name} is not in what to install on {where}"
+
+
+def test_a_worker_without_a_library_ends_with_one_sentence(tmp_path):
+    """A module bpy that cannot be loaded stands in for Blender's on a bare machine."""
+    (tmp_path / "bpy.py").write_text("raise ImportError('libSM.so.6: cannot open shared object file: No such file')\n")
+    done = subprocess.run([sys.executable, str(system.__file__.replace("system.py", "__main__.py")), "probe"],
+                          capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": str(tmp_path)})
+    message = json.loads(done.stdout.splitlines()[-1])
+    assert done.returncode == 1
+    assert message["type"] == "error"
+    assert "lacks libSM.so.6, which Blender needs" in message["message"]
+    assert done.stderr == ""
+
+
+def test_the_readme_names_the_same_packages():
+    page = (Path(system.__file__).parent / "README.md").read_text(encoding="utf-8")
+    assert all(command in " ".join(page.split()) for command in system.BLENDER_NEEDS.values())
