@@ -76,6 +76,21 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
 
 
 @contextmanager
+def show_count(title: str) -> Iterator[Callable[[int, int], None]]:
+    """Show a line on standard error that counts what is done, if that is a terminal; gives the function that takes how
+    many of how many are."""
+    def show(done: int, total: int) -> None:
+        if sys.stderr.isatty():
+            print(f"\r\033[K{title}: {done} of {total}", end="", file=sys.stderr, flush=True)
+
+    try:
+        yield show
+    finally:
+        if sys.stderr.isatty():
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+
+@contextmanager
 def show_counted_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
     """Show a bar on standard error that counts what is done; gives the function that takes the events.
 

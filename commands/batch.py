@@ -138,8 +138,12 @@ def _freeze_plan(plan: str, dataset: Path, blender: str = "") -> datasets.Frozen
     Where a ``blender`` is named that is to render them, IcyMoonError is raised before if it cannot.
     """
     from ..render.plans.plan_file import find_plan, read_plan
+    from .plan import check_plan
 
     read = read_plan(find_plan(plan))
+    check_plan(read)
+    if draws := read.describe_draws():
+        print(f"icymoon: {draws}", file=sys.stderr)
     if unchecked := read.describe_unchecked():
         print(f"icymoon: {unchecked}", file=sys.stderr)
     for sentence in read.describe_stand_ins():

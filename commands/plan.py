@@ -18,7 +18,7 @@ from ..render.plans.planned_pair import PlannedPair
 from ..render.workers.process import emit, report_errors
 from ..settings.preset_files import plan_names
 from ..settings.table import all_settings
-from ..terminal import as_path
+from ..terminal import as_path, show_count
 
 
 def add_verbs(verbs: Any) -> None:
@@ -32,6 +32,12 @@ def add_verbs(verbs: Any) -> None:
                       "whether it can (this Python, if it has bpy)")
     plan.add_argument("--json", action="store_true", help="print JSON lines")
     plan.set_defaults(run=_run_plan)
+
+
+def check_plan(plan: Plan) -> None:
+    """Combine and check the pairs of a plan, and show how far it is. Raises IcyMoonError as ``Plan.pairs`` does."""
+    with show_count("Checking the plan") as show:
+        plan.check(show)
 
 
 def varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
@@ -67,6 +73,7 @@ def _run_plan(options: argparse.Namespace) -> int:
 def _print_plan(options: argparse.Namespace) -> int:
     """Print what was asked for, then which pairs cannot be rendered; the exit status, 1 if there are such."""
     plan = read_plan(find_plan(options.plan))
+    check_plan(plan)
     pairs = plan.pairs()
     if options.dry_run:
         _print_estimate(plan, pairs, options)
@@ -95,7 +102,8 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
     found = estimate(pairs, options.out.absolute() if options.out else None, speed)
     lack = _check_blender(pairs, options)
     unchecked = plan.describe_unchecked()
-    lines = [*lack, *found.lines(), *plan.describe_stand_ins(), *_refusal_lines(plan)]
+    told = [line for line in (plan.describe_splits(), plan.describe_draws()) if line]
+    lines = [*lack, *found.lines(), *told, *plan.describe_stand_ins(), *_refusal_lines(plan)]
     if options.json:
         emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.to_json() | {"lines": lines})
         return

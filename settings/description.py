@@ -12,7 +12,7 @@ import hashlib
 import json
 import math
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from typing import Any
 
@@ -221,12 +221,13 @@ def override(text: str) -> Settings:
     return check({topic_key: {key: parsed}}, f"--set {text}")
 
 
-def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "") -> str:
+def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "",
+           count: Callable[[Mapping[str, Mapping[str, Value]]], list[Any]] = pair_ids.counted) -> str:
     """The id of the pair with these settings: twelve hexadecimal digits.
 
     Settings that cannot change a rendered pixel (camera response, paths, threads) do not count. Newer settings count
     only if they differ from ``pair_ids.before``. ``extra`` identifies content that the settings do not describe: files
-    of the ground, and edited or added geometry.
+    of the ground, and edited or added geometry. ``count`` is ``pair_ids.make_counter()`` for many pairs.
     """
-    first, *later = pair_ids.counted(settings)
+    first, *later = count(settings)
     return hashlib.sha256(json.dumps([first, extra, *later]).encode()).hexdigest()[:12]

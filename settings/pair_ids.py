@@ -10,7 +10,7 @@ a list. Imports no Blender.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -42,9 +42,28 @@ def counted(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
 
     They are the list of the first version and, if there are any, the newer settings that differ from ``before``.
     """
-    first = [[name, _plain(name, value_in_id(name, settings))] for name in SCHEMA["counted"]]
-    later = sorted(_later(settings))
-    return [first, later] if later else [first]
+    return make_counter()(settings)
+
+
+def make_counter() -> Callable[[Mapping[str, Mapping[str, Any]]], list[Any]]:
+    """``counted`` for many descriptions: which settings count is looked up once for all of them."""
+    columns = [(name, *present_name(name).split(".", 1)) for name in SCHEMA["counted"]]
+    special = {name for name, topic, key in columns if name in SCHEMA["gone"] or key == "relief"}
+    newer = [(f"{topic}.{s.key}", topic, s) for topic, s in all_settings() if f"{topic}.{s.key}" in SCHEMA["later"]]
+    later = [(name, topic, s.key, before(name, s)) for name, topic, s in newer if counts(s)]
+    lists = [(topic, s.key, part.key, name, before(name, part)) for topic, s in all_settings() for part in s.entries
+             if (name := f"{topic}.{s.key}.{part.key}") in SCHEMA["later"]]
+
+    def count(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
+        first = [[name, _plain(name, value_in_id(name, settings) if name in special else settings[topic][key])]
+                 for name, topic, key in columns]
+        found = [[name, _plain(name, settings[topic][key])] for name, topic, key, old in later
+                 if settings[topic][key] != old]
+        found += [[f"{name} {k}", entry[part]] for topic, key, part, name, old in lists
+                  for k, entry in enumerate(settings[topic][key]) if entry[part] != old]
+        return [first, sorted(found)] if found else [first]
+
+    return count
 
 
 def value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Any:
@@ -60,17 +79,3 @@ def _plain(name: str, value: Any) -> Any:
     """A value without newer settings in the tables of a list."""
     keys = SCHEMA["entries"].get(name)
     return value if keys is None else [{key: entry[key] for key in keys} for entry in value]
-
-
-def _later(settings: Mapping[str, Mapping[str, Any]]) -> list[list[Any]]:
-    """[name, value] of each newer setting that differs from ``before``; names in lists include the table's number."""
-    found = []
-    for topic, setting in all_settings():
-        name, value = f"{topic}.{setting.key}", settings[topic][setting.key]
-        if name in SCHEMA["later"] and counts(setting) and value != before(name, setting):
-            found.append([name, _plain(name, value)])
-        for part in setting.entries:
-            key = f"{name}.{part.key}"
-            found += [[f"{key} {k}", entry[part.key]] for k, entry in enumerate(value)
-                      if key in SCHEMA["later"] and entry[part.key] != before(key, part)]
-    return found

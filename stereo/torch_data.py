@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import IcyMoonError
 from ..physics.random_numbers.seeds import generator
 from ..render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair
-from ..render.pairs.scene_splits import SPLITS, check_splits, scene_of, split_of
+from ..render.pairs.scene_splits import check_splits, scene_of, split_of, splits_of
 from ..settings.description import check, merged
 from ..settings.preset_files import load_preset
 from ..settings.table import TOPICS
@@ -34,22 +34,27 @@ class Dataset:
     ``occluded``, bool (H, W), where the right eye does not see its point; ``focal_px``, ``baseline_m``, ``cx_px`` and
     ``cy_px`` of the crop; and the texts ``pair`` and ``scene``.
 
-    ``split`` is one of ``splits``, the shares of the scenes: pairs of one ground are never in two splits. ``presets``
+    ``split`` is one of ``splits``, the shares of the scenes, by default those of the plan of the data set, or 80 %
+    train, 10 % val and 10 % test: pairs of one ground are never in two splits. ``presets``
     and ``augment`` change the camera response: ``augment={"sensor.read_noise_e": (2, 40)}`` draws each from a range,
     for every sample and epoch anew. ``crop_px`` is (width, height) of a random window. Raises IcyMoonError for a split
     that there is not, for settings that need a new render, and if no pair is left.
     """
 
     def __init__(self, paths: str | Path | Sequence[str | Path], split: str | None = None, *,
-                 splits: Mapping[str, float] = SPLITS, presets: Sequence[str] = (),
+                 splits: Mapping[str, float] | None = None, presets: Sequence[str] = (),
                  augment: Mapping[str, tuple[float, float]] | None = None, crop_px: tuple[int, int] | None = None,
                  seed: int = 0) -> None:
-        check_splits(splits)
-        if split is not None and split not in splits:
-            raise IcyMoonError(f"There is no split {split!r}; there are {', '.join(splits)}.")
+        stated = None if splits is None else check_splits(splits)
         roots = [paths] if isinstance(paths, str | Path) else list(paths)
         found = [read_pair(folder) for root in roots for folder in find_pair_folders(Path(root))]
-        self.pairs = [pair for pair in found if split is None or split_of(scene_of(pair), splits) == split]
+        sets = {pair.folder.parent.parent for pair in found}
+        shares = {dataset: splits_of(dataset) if stated is None else stated for dataset in sets}
+        known = list(dict.fromkeys(name for each in shares.values() for name in each))
+        if split is not None and split not in known:
+            raise IcyMoonError(f"There is no split {split!r}; there are {', '.join(known)}.")
+        self.pairs = [pair for pair in found
+                      if split is None or split_of(scene_of(pair), shares[pair.folder.parent.parent]) == split]
         if not self.pairs:
             raise IcyMoonError(f"None of the {len(found)} pairs is in the split {split}; give more scenes, or other "
                                "splits.")

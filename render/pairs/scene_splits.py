@@ -5,13 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import tomllib
 from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 from ...errors import IcyMoonError
 from ...settings import pair_ids
 from ...settings.table import TOPICS
 from .pair_folder import Pair
 
+_NAME = re.compile(r"[A-Za-z0-9_-]+")
 #: Shares of the scenes in each split.
 SPLITS = {"train": 0.8, "val": 0.1, "test": 0.1}
 
@@ -33,12 +37,39 @@ def _is_shape(name: str) -> bool:
     return topic in TOPICS and any(s.key == key and s.effect == "geometry" for s in TOPICS[topic].settings)
 
 
-def check_splits(splits: Mapping[str, float]) -> dict[str, float]:
+def check_splits(splits: Any) -> dict[str, float]:
     """The shares of splits, whose sum is 1. Raises IcyMoonError for others."""
+    if not isinstance(splits, Mapping) or any(isinstance(share, bool) or not isinstance(share, int | float)
+                                              for share in splits.values()):
+        raise IcyMoonError(f"The splits are {splits!r}; give each a share of the scenes, such as train = 0.9.")
+    if bad := next((name for name in splits if not _NAME.fullmatch(name)), None):
+        raise IcyMoonError(f"A split is called {bad!r}; use letters, digits, - and _ only, since files are named so.")
     if not splits or min(splits.values()) < 0 or abs(sum(splits.values()) - 1) > 1e-6:
         shown = ", ".join(f"{name} {share:g}" for name, share in splits.items())
         raise IcyMoonError(f"The splits are {shown or 'none'}; give each a share of the scenes, 1 in all.")
     return dict(splits)
+
+
+def splits_of(dataset: Path) -> dict[str, float]:
+    """The shares of splits that the plan of a data set states; ``SPLITS`` if it states none or there is no plan.
+
+    Raises IcyMoonError for a plan that states what are no shares.
+    """
+    try:
+        with (dataset / "plan.jsonl").open(encoding="utf-8") as lines:
+            text = json.loads(lines.readline())["plan"]
+        stated = tomllib.loads(text).get("plan", {}).get("splits")
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return SPLITS
+    try:
+        return SPLITS if stated is None else check_splits(stated)
+    except IcyMoonError as error:
+        raise IcyMoonError(f"{dataset / 'plan.jsonl'}: {error}") from None
+
+
+def split_of_pair(pair: Pair) -> str:
+    """The split of a pair, by the shares that the plan of its data set states."""
+    return split_of(scene_of(pair), splits_of(pair.folder.parent.parent))
 
 
 def split_of(scene: str, splits: Mapping[str, float]) -> str:

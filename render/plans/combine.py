@@ -6,8 +6,9 @@ import itertools
 import json
 import math
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from ...errors import IcyMoonError
@@ -18,6 +19,7 @@ from ...physics.random_numbers.seeds import generator, stream
 from ...physics.refused_scenes import Reason
 from ...physics.terrain.sites import RockyGround, make_rocky_ground
 from ...settings.description import defaults, digest, merged
+from ...settings.pair_ids import make_counter
 from ...settings.preset_files import beside
 from ...settings.table import TOPICS, all_settings
 from ...settings.user_files import content, used_files
@@ -27,8 +29,12 @@ from .own_files import list_files, replace_stand_ins
 from .planned_pair import PlannedPair, turned_heading_deg
 from .sweeps import Sweep, Variation, check_pair_count
 
-#: Grounds that a plan is checked on before it is rendered.
-MOST_GROUNDS = 200
+#: Grounds that a plan is checked on before it is rendered: each takes some hundredths of a second.
+MOST_GROUNDS = 32
+#: Receives how many of how many pairs are checked.
+Report = Callable[[int, int], None]
+#: Pairs from one report to the next.
+_REPORTED = 100
 #: Topics that ``refused_scenes.reasons_of_settings`` asks, and what it asks of the terrain.
 _OF_SETTINGS = ("source", "surface", "rock_surface", "hapke", "textures", "rocks", "light")
 _OF_TERRAIN = ("size_m", "body_radius_m")
@@ -37,13 +43,14 @@ _GEOMETRY = [(topic, s.key) for topic, s in all_settings() if s.effect == "geome
 
 @dataclass(frozen=True)
 class Design:
-    """What a plan combines: ``base`` settings, the later over the earlier, sweeps, ``seeds`` and their place, the
-    number of ``grounds`` of its scenes and its place, the most pairs that it may have, and the folder of the user's own
-    files."""
+    """What a plan combines: ``base`` settings, the later over the earlier, sweeps, ``seeds`` and their place, whether
+    sweeps draw values of their own for each of them, the number of ``grounds`` of its scenes and its place, the most
+    pairs that it may have, and the folder of the user's own files."""
 
     base: tuple[Variation, ...] = ()
     sweeps: tuple[Sweep, ...] = ()
     seeds: tuple[int | list[int], Place] | None = None
+    draw_again: bool = False
     grounds: tuple[int, Place] | None = None
     at_most: int | None = None
     files: Path | None = None
@@ -55,6 +62,11 @@ class _Combination:
 
     settings: Settings
     parts: tuple[Variation, ...]
+
+    @cached_property
+    def geometry_key(self) -> str:
+        """See ``_geometry_key``."""
+        return _geometry_key(self.settings)
 
     def with_part(self, part: Variation) -> _Combination:
         """This one with a part over it. Both share what the part does not touch, for there may be many."""
@@ -99,14 +111,20 @@ class _Grounds:
 
 @dataclass(frozen=True)
 class Combined:
-    """The pairs of a design, and why some of them cannot be rendered, by their ids."""
+    """The pairs of a design, why some of them cannot be rendered, by their ids, and the made-up grounds that were
+    checked, and that were not, by what they depend on."""
 
     pairs: list[PlannedPair]
     refused: dict[str, str]
+    checked: frozenset[str] = frozenset()
+    unchecked: frozenset[str] = frozenset()
 
 
-def combine(design: Design) -> Combined:
-    """The pairs of a design, checked. Raises IcyMoonError that names the line at fault if none can be rendered."""
+def combine(design: Design, most_grounds: int = MOST_GROUNDS, report: Report = lambda done, total: None) -> Combined:
+    """The pairs of a design, checked on ``most_grounds`` of its grounds.
+
+    Raises IcyMoonError that names the line at fault if none can be rendered.
+    """
     grounds = _Grounds()
     made = _deal_grounds(list(_combinations(design)), design)
     for sweep in sorted((b for b in design.sweeps if b.kind in poses.KINDS), key=lambda b: poses.KINDS.index(b.kind)):
@@ -118,12 +136,15 @@ def combine(design: Design) -> Combined:
     made = [each for whole in made for each in _headings_of(whole)]
     if design.at_most is not None and design.at_most < len(made):
         made = [made[k * len(made) // design.at_most] for k in range(design.at_most)]
-    refusals = _find_refusals(made, grounds)
+    looked_at, unchecked = _grounds_to_check(made, most_grounds)
+    refusals = _find_refusals(made, grounds, looked_at, report)
     if refusals and all(refusals):
         raise refusals[0] or AssertionError
-    pairs = [PlannedPair(digest(each.settings, _read_content(each) + blur_identity(each.settings)), each.settings, 0.0)
-             for each in made]
-    return Combined(pairs, {pair.id: str(error) for pair, error in zip(pairs, refusals, strict=True) if error})
+    count = make_counter()
+    pairs = [PlannedPair(digest(each.settings, _read_content(each) + blur_identity(each.settings), count),
+                         each.settings, 0.0) for each in made]
+    refused = {pair.id: str(error) for pair, error in zip(pairs, refusals, strict=True) if error}
+    return Combined(pairs, refused, looked_at, unchecked)
 
 
 def _with_file_paths(part: Variation, design: Design) -> Variation:
@@ -138,21 +159,26 @@ def _combinations(design: Design) -> Iterator[_Combination]:
     base = _Combination(defaults(), ())
     for part in design.base:
         base = base.with_part(_with_file_paths(part, design))
-    factors = [[_with_file_paths(part, design) for part in sweeps.make_variations(sweep, base.settings)]
-               for sweep in design.sweeps if sweep.kind in sweeps.KINDS]
     place = design.sweeps[0].place if design.sweeps else None
+    each_seed: list[tuple[Variation, ...]] = [()]
     if design.seeds is not None:
         stated, place = design.seeds
-        drawn = seeds_of(stated, int(base.settings.dataset.seed))
-        factors.insert(0, [Variation({"dataset": {"seed": seed}}, place) for seed in drawn])
-    if place is not None:
-        check_pair_count(math.prod(map(len, factors)), place)
+        each_seed = [(Variation({"dataset": {"seed": seed}}, place),)
+                     for seed in seeds_of(stated, int(base.settings.dataset.seed))]
     there = list_files(design.files) if design.files else {}
-    for chosen in itertools.product(*factors):
-        made = base
-        for part in chosen:
-            made = made.with_part(part)
-        yield _with_own_files(made, there) if there else made
+    factors: list[list[Variation]] = []
+    for k, seed in enumerate(each_seed):
+        if k == 0 or design.draw_again:
+            drawn_from = base.with_part(seed[0]) if seed and design.draw_again else base
+            factors = [[_with_file_paths(part, design) for part in sweeps.make_variations(sweep, drawn_from.settings)]
+                       for sweep in design.sweeps if sweep.kind in sweeps.KINDS]
+            if place is not None:
+                check_pair_count(len(each_seed) * math.prod(map(len, factors)), place)
+        for chosen in itertools.product(*factors):
+            made = base
+            for part in (*seed, *chosen):
+                made = made.with_part(part)
+            yield _with_own_files(made, there) if there else made
 
 
 def _with_own_files(made: _Combination, there: dict[str, list[Path]]) -> _Combination:
@@ -198,7 +224,7 @@ def _place_cameras(sweep: Sweep, made: _Combination, grounds: _Grounds,
                    known: dict[str, list[Variation]]) -> list[Variation]:
     """The cameras that a sweep gives to a combination; those of the same ground and rig are computed once."""
     rig = made.settings.rig
-    key = _geometry_key(made.settings) + json.dumps([rig[s.key] for s in TOPICS["rig"].settings])
+    key = made.geometry_key + json.dumps([rig[s.key] for s in TOPICS["rig"].settings])
     if key not in known:
         try:
             known[key] = poses.make_variations(sweep, made.settings, grounds.find)
@@ -243,24 +269,19 @@ def _read_content(made: _Combination) -> str:
         raise _at_place(error, made.place_of("source.file", "textures.albedo_file")) from None
 
 
-def grounds_to_check(settings: Sequence[Settings]) -> set[str]:
-    """The made-up grounds that a plan is checked on, by ``_geometry_key``: all, or ``MOST_GROUNDS`` evenly among more.
-    Each takes some hundredths of a second."""
-    there = list(dict.fromkeys(_geometry_key(each) for each in settings if each.source.kind == "PROCEDURAL"))
-    return {there[k * len(there) // MOST_GROUNDS] for k in range(MOST_GROUNDS)} if len(there) > MOST_GROUNDS else {
-        *there}
+def _grounds_to_check(made: Sequence[_Combination], most: int) -> tuple[frozenset[str], frozenset[str]]:
+    """The made-up grounds that a plan is checked on, by ``_geometry_key``: all, or ``most`` evenly among more; and the
+    others."""
+    there = list(dict.fromkeys(each.geometry_key for each in made if each.settings.source.kind == "PROCEDURAL"))
+    chosen = frozenset(there if len(there) <= most else (there[k * len(there) // most] for k in range(most)))
+    return chosen, frozenset(there) - chosen
 
 
-def unchecked_grounds(settings: Sequence[Settings]) -> int:
-    """The number of made-up grounds that a plan of these settings was not checked on."""
-    if len(settings) <= MOST_GROUNDS:
-        return 0
-    there = {_geometry_key(each) for each in settings if each.source.kind == "PROCEDURAL"}
-    return max(0, len(there) - MOST_GROUNDS)
-
-
-def _find_refusals(made: list[_Combination], grounds: _Grounds) -> list[IcyMoonError | None]:
+def _find_refusals(made: list[_Combination], grounds: _Grounds, looked_at: frozenset[str],
+                   report: Report) -> list[IcyMoonError | None]:
     """Why each combination cannot be rendered, as far as that is known before anything is built; None if it can.
+
+    Cameras are checked on the grounds ``looked_at``.
 
     Raises IcyMoonError for a missing file, and for a camera outside the ground.
     """
@@ -268,15 +289,16 @@ def _find_refusals(made: list[_Combination], grounds: _Grounds) -> list[IcyMoonE
     known: dict[str, list[Reason]] = {}
     standing_on: dict[int, tuple[RockyGround, list[int]]] = {}
     found: list[list[Reason]] = []
-    looked_at = grounds_to_check([each.settings for each in made])
     for k, each in enumerate(made):
+        if k % _REPORTED == 0:
+            report(k, len(made))
         _check_files_once(each, seen)
         key = json.dumps([each.settings[topic] for topic in _OF_SETTINGS]
                          + [each.settings.terrain[name] for name in _OF_TERRAIN])
         if key not in known:
             known[key] = refused_scenes.reasons_of_settings(each.settings)
         found.append(list(known[key]))
-        if each.settings.source.kind == "PROCEDURAL" and _geometry_key(each.settings) in looked_at:
+        if each.settings.source.kind == "PROCEDURAL" and each.geometry_key in looked_at:
             try:
                 ground = grounds.find(each.settings)
                 standing_on.setdefault(id(ground), (ground, []))[1].append(k)

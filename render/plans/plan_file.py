@@ -10,7 +10,6 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,36 +20,59 @@ from ...settings.description import check
 from ...settings.preset_files import PLANS, plan_names
 from ...settings.toml_text import read_toml, toml_and_text
 from ...suggestions import nearest
+from ..pairs.scene_splits import check_splits
 from . import poses, sweeps
-from .combine import MOST_GROUNDS, Combined, Design, combine, unchecked_grounds
+from .combine import MOST_GROUNDS, Combined, Design, Report, combine
 from .own_files import describe_stand_ins
 from .planned_pair import PlannedPair
 from .sweeps import Sweep, Variation, check_keys, check_settings, load_included
 
-HEADER = ("title", "description", "extends", "include", "seeds", "grounds", "at_most", "files", "without")
+HEADER = ("title", "description", "extends", "include", "seeds", "draw_again", "grounds", "splits", "at_most", "files",
+          "without")
 _SEEDS_MOST = 100000
+#: Grounds that each of several plans that are extended is checked on at least.
+_LEAST_GROUNDS = 3
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan as read: ``text`` is its TOML, ``designs`` what it combines (several where it extends several)."""
+    """A plan as read: ``text`` is its TOML, ``designs`` what it combines (several where it extends several), ``splits``
+    the shares of its scenes in each split, if it states them."""
 
     path: Path
     title: str
     description: str
     text: str
     designs: tuple[Design, ...]
+    splits: dict[str, float] | None = None
 
-    @cached_property
-    def _combined(self) -> Combined:
+    def check(self, report: Report = lambda done, total: None) -> Combined:
+        """Combine and check the pairs, once; ``report`` receives how many of how many are checked.
+
+        Raises IcyMoonError as ``pairs`` does.
+        """
+        if "_combined" not in self.__dict__:
+            self.__dict__["_combined"] = self._combine(report)
+        found: Combined = self.__dict__["_combined"]
+        return found
+
+    def _combine(self, report: Report) -> Combined:
         found: dict[str, PlannedPair] = {}
         refused: dict[str, str] = {}
+        checked: frozenset[str] = frozenset()
+        unchecked: frozenset[str] = frozenset()
+        before = 0
+
+        def report_all(done: int, total: int) -> None:
+            report(before + done, before + total)
+
         for design in self.designs:
-            made = combine(design)
+            made = combine(design, max(_LEAST_GROUNDS, MOST_GROUNDS // len(self.designs)), report_all)
             refused |= made.refused
+            checked, unchecked, before = checked | made.checked, unchecked | made.unchecked, before + len(made.pairs)
             for pair in made.pairs:
                 found.setdefault(pair.id, pair)
-        return Combined(list(found.values()), refused)
+        return Combined(list(found.values()), refused, checked, unchecked - checked)
 
     def pairs(self) -> list[PlannedPair]:
         """The pairs with complete settings, in the order of the plan, each once.
@@ -58,26 +80,38 @@ class Plan:
         Those of ``refused`` are among them: a render sets them aside. Raises IcyMoonError if none can be rendered, or a
         file is not there.
         """
-        return list(self._combined.pairs)
+        return list(self.check().pairs)
 
     def refused(self) -> dict[str, str]:
         """Why some pairs cannot be rendered, by their ids: sentences with the line at fault.
 
         Raises IcyMoonError as ``pairs`` does.
         """
-        return dict(self._combined.refused)
+        return dict(self.check().refused)
 
     def describe_unchecked(self) -> str:
         """A sentence about the grounds that the pairs were not checked on; empty if there are none."""
-        unseen = unchecked_grounds([pair.settings for pair in self._combined.pairs])
-        if not unseen:
+        found = self.check()
+        if not found.unchecked:
             return ""
-        return (f"{MOST_GROUNDS} grounds were checked, {unseen} were not. A camera that cannot stand on one of those "
-                "is found when its pair is rendered, and the pair is set aside.")
+        return (f"{len(found.checked)} grounds were checked, {len(found.unchecked)} were not. A camera that cannot "
+                "stand on one of those is found when its pair is rendered, and the pair is set aside.")
+
+    def describe_draws(self) -> str:
+        """A sentence about seeds that repeat the draws of the first; empty if none do."""
+        repeats = any(design.seeds is not None and not design.draw_again and _count_seeds(design.seeds[0]) > 1
+                      and any(sweep.kind in sweeps.DRAWN for sweep in design.sweeps) for design in self.designs)
+        return ("Every seed has the same draws of its sweeps, on other ground; state draw_again = true under [plan] "
+                "for draws of its own." if repeats else "")
+
+    def describe_splits(self) -> str:
+        """A line on the splits that the plan states; empty if it states none."""
+        shown = ", ".join(f"{name} {100 * share:g} %" for name, share in (self.splits or {}).items())
+        return f"Splits of the scenes: {shown}" if shown else ""
 
     def describe_stand_ins(self) -> list[str]:
         """Sentences on what the pairs show in place of files of the GUISS paper; empty if they show nothing such."""
-        return describe_stand_ins(self._combined.pairs, [each.files for each in self.designs if each.files])
+        return describe_stand_ins(self.check().pairs, [each.files for each in self.designs if each.files])
 
 
 def find_plan(name: str) -> Path:
@@ -129,7 +163,21 @@ def _parse(path: Path, data: dict[str, Any], text: str, readers: tuple[Path, ...
     for k, table in enumerate(tables):
         designs = _with_sweep(designs, table, whole.at("sweep", k))
     return Plan(path, _text(header, "title", place) or path.stem, _text(header, "description", place), text,
-                tuple(_with_header(_with_settings(design, header, data, whole), header, place) for design in designs))
+                tuple(_with_header(_with_settings(design, header, data, whole), header, place) for design in designs),
+                _read_splits(header, place))
+
+
+def _read_splits(header: Mapping[str, Any], place: Place) -> dict[str, float] | None:
+    if "splits" not in header:
+        return None
+    try:
+        return check_splits(header["splits"])
+    except IcyMoonError as error:
+        raise IcyMoonError(f"{place.at('splits')}: {error}") from None
+
+
+def _count_seeds(stated: int | list[int]) -> int:
+    return len(stated) if isinstance(stated, list) else stated
 
 
 def _text(header: Mapping[str, Any], key: str, place: Place) -> str:
@@ -180,6 +228,10 @@ def _with_header(design: Design, header: Mapping[str, Any], place: Place) -> Des
     """A design with the seeds, the grounds, the limit and the folder of files that a plan states."""
     if "seeds" in header:
         design = replace(design, seeds=_seeds(header["seeds"], place.at("seeds")))
+    if "draw_again" in header:
+        if not isinstance(header["draw_again"], bool):
+            raise IcyMoonError(f"{place.at('draw_again')}: draw_again must be true or false.")
+        design = replace(design, draw_again=header["draw_again"])
     if "grounds" in header:
         count = _count(header, "grounds", "grounds", place)
         design = replace(design, grounds=(count, place.at("grounds")))

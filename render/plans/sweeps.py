@@ -24,8 +24,9 @@ from ...typed_settings import Parts, Settings
 
 #: Kinds of sweeps that vary settings; ``poses.KINDS`` are the others.
 KINDS = ("grid", "one_at_a_time", "cases", "random", "sobol", "latin_hypercube")
-_DRAWN = {"random": sampling.independent, "sobol": sampling.sobol, "latin_hypercube": sampling.latin_hypercube}
-_PRESET = "preset"
+#: Those that draw values.
+DRAWN = {"random": sampling.independent, "sobol": sampling.sobol, "latin_hypercube": sampling.latin_hypercube}
+_PRESET, _PRESETS = "preset", "presets"
 #: Pairs above which a plan is a mistake, or more than one data set.
 MOST_PAIRS = 100000
 #: What no sweep may vary, and what to do instead.
@@ -129,8 +130,14 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
         if topic == _PRESET:
             found.append((_PRESET, None, values, place))
             continue
-        if topic not in TOPICS:
+        if topic == _PRESETS and isinstance(values, Mapping):
+            found += [(f"{_PRESETS}.{key}", None, stated, place.at(key)) for key, stated in values.items()]
+            continue
+        if topic not in (_PRESETS, *TOPICS):
             raise IcyMoonError(f"{place}: a {sweep.kind} sweep has no {topic}, {nearest(topic, [*also, *TOPICS])}")
+        if topic == _PRESETS:
+            raise IcyMoonError(f"{place}: presets are lists by names of yours, such as presets.sensor; a single list "
+                               "is called preset.")
         if not isinstance(values, Mapping):
             raise IcyMoonError(f"{place}: {topic} is a topic; name a setting of it, such as {topic}."
                                f"{TOPICS[topic].settings[0].key}.")
@@ -144,7 +151,7 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
 
 def _read_part(name: str, value: Any, place: Place) -> Settings:
     """What a factor's value sets."""
-    if name == _PRESET:
+    if name.split(".")[0] in (_PRESET, _PRESETS):
         return load_included(value, place)
     topic, key = name.split(".")
     return check_settings({topic: {key: value}}, Place(place.file, place.text, place.key[:-2]))
@@ -275,7 +282,7 @@ def _make_drawn(sweep: Sweep, base: Settings) -> list[Variation]:
         raise IcyMoonError(f"{sweep.place}: a sobol sweep varies up to {sampling.MOST_DIMENSIONS} settings, not "
                            f"{len(factors)}; use latin_hypercube.")
     seed = int(base.dataset.seed)
-    fractions = _DRAWN[sweep.kind](count, [axis_generator(sweep, name, seed) for name, *_ in factors])
+    fractions = DRAWN[sweep.kind](count, [axis_generator(sweep, name, seed) for name, *_ in factors])
     columns = []
     for axis, (name, setting, law, place) in enumerate(factors):
         values = _read_law(name, setting, law, place, sweep.kind)(fractions[:, axis])
@@ -285,7 +292,7 @@ def _make_drawn(sweep: Sweep, base: Settings) -> list[Variation]:
 
 _MAKERS: dict[str, Callable[[Sweep, Settings], list[Variation]]] = {
     "grid": _make_grid, "one_at_a_time": _make_one_at_a_time, "cases": _make_cases,
-    **dict.fromkeys(_DRAWN, _make_drawn)}
+    **dict.fromkeys(DRAWN, _make_drawn)}
 
 
 def make_variations(sweep: Sweep, base: Settings) -> list[Variation]:

@@ -23,7 +23,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...files import explain_disk_errors, part_of, write_json, write_text
 from ...render.pairs.pair_folder import EYES
-from ...render.pairs.scene_splits import SPLITS, scene_of, split_of
+from ...render.pairs.scene_splits import scene_of, split_of_pair
 from ...system import remove, replace
 from ...version import version
 from ..images.develop import to_8_bit
@@ -83,7 +83,7 @@ def write_webdataset(each: Each, out: Path) -> None:
     index, shards = _Index(), _Shards(out)
 
     def write(pair: Loaded) -> None:
-        split = split_of(scene_of(pair.pair), SPLITS)
+        split = split_of_pair(pair.pair)
         index.add(pair, split, shards.add(split, pair.pair.id, _files_of(pair)))
 
     try:
@@ -185,7 +185,7 @@ def write_sceneflow(each: Each, out: Path) -> None:
 
     def write(pair: Loaded) -> None:
         scene = scene_of(pair.pair)
-        split = "TRAIN" if split_of(scene, SPLITS) == "train" else "TEST"
+        split = "TRAIN" if split_of_pair(pair.pair) == "train" else "TEST"
         folder = folders[split].setdefault(scene, f"{len(folders[split]):04d}")
         frame = numbers.setdefault(split, Counter())
         number = f"{frame[folder]:04d}"
