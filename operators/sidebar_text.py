@@ -36,6 +36,8 @@ _WIDTH_PX, _SHORTEST = 280, 18  # of the sidebar as Blender opens it; of a line 
 #: 'quality.truth', 'quality.truth is DEPTH', 'quality.truth to DEPTH', 'quality.truth = DEPTH', 'quality.truth DEPTH'
 _NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?:( (?:(?:is|to|=) )?)([A-Z]\w*))?")
 _UNIT = re.compile(r" [(][^)]*[)]$")
+#: The space between a number and its unit, at which no line is broken, and what takes its place meanwhile.
+_BEFORE_UNIT, _HOLD = re.compile(r"(?<=\d) (?=(?:%|px|[kcmµ]?m|[mµ]?s|min|h|[kMG]B|W/m²)(?![\w/]))"), "\u00a0"
 
 
 def remember(function: Callable[..., Found]) -> Callable[..., Found]:
@@ -102,7 +104,8 @@ def in_lines(text: str, hang: str = "", icon: bool = False) -> tuple[str, ...]:
 
 @lru_cache(maxsize=256)
 def _wrapped(text: str, width: int, hang: str) -> tuple[str, ...]:
-    return tuple(textwrap.wrap(text, width, subsequent_indent=hang))
+    held = _BEFORE_UNIT.sub(_HOLD, text)
+    return tuple(line.replace(_HOLD, " ") for line in textwrap.wrap(held, width, subsequent_indent=hang))
 
 
 def left_out_lines(settings: Settings) -> tuple[str, ...]:

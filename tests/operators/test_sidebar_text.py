@@ -78,6 +78,15 @@ def test_what_goes_on_in_the_next_line_is_indented_further_than_a_line_that_is_i
     assert sidebar_text.in_lines("word " * 30)[1].startswith("word")
 
 
+@pytest.mark.parametrize("measure", ["5 %", "10 cm", "2 W/m²", "40 MB", "8 px"])
+def test_no_number_is_parted_from_its_unit(measure):
+    for before in range(20, sidebar_text.LINE):
+        text = f"{'x' * before} {measure} of the light comes from the planet"
+        lines = sidebar_text.in_lines(text)
+        assert any(measure in line for line in lines)
+        assert " ".join(lines) == text
+
+
 def test_an_answer_is_kept_for_equal_settings_only():
     asked = []
 
