@@ -164,7 +164,7 @@ TERRAIN = Topic("terrain", "Ground", "Shape of the ground: a random surface with
     _metres("outer_scale_m", "Largest Feature", 8.0, 1.0e-3, 1.0e5, (0.5, 50.0),
             "Longest wavelength of the ground. The roughness law holds up to 0.3 of it", "geometry"),
     _metres("inner_scale_m", "Smallest Feature", 0.02, 1.0e-4, 1.0e4, (0.005, 1.0),
-            "Shortest wavelength of the ground. The roughness law holds down to half of it. "
+            "Shortest wavelength of the ground; the roughness law holds down to half of it. "
             "Wavelengths below two vertex spacings are left out of the mesh", "geometry"),
     Setting("lacunarity", "Lacunarity", 2.0,
             "Largest ratio of the wavelengths of successive octaves, which are spaced evenly. "
@@ -361,19 +361,19 @@ SOURCE = Topic("source", "Ground from a File", "Source of the ground: generated,
 
 SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
     Setting("model", "Model", "PRINCIPLED", "Reflectance law of the surface", "material",
-            choices=(("PRINCIPLED", "Snow (Principled)", "Subsurface scattering and gloss, like snow and ice on Earth. "
-                      "No opposition surge. Costs 1.4 times Lambert, or 7 times if all light is subsurface"),
+            choices=(("PRINCIPLED", "Snow (Principled)", "Subsurface scattering and gloss, like snow and ice on Earth; "
+                      "no opposition surge. Costs 1.4 times Lambert, or 7 times if all light is subsurface"),
                      ("LAMBERT", "Lambert", "Equally bright from every direction; the cheapest law. No opposition "
                       "surge and no phase function: up to 18 % error in the mean of a sunlit scene of ice"),
-                     ("LOMMEL_SEELIGER", "Lommel-Seeliger", "Single scattering, as in dark dust. Ice reflects mostly "
-                      "multiply scattered light, which this law omits. Costs little more than Lambert"),
+                     ("LOMMEL_SEELIGER", "Lommel-Seeliger", "Single scattering, as in dark dust; costs little more "
+                      "than Lambert. Ice reflects mostly multiply scattered light, which this law omits"),
                      ("LUNAR_LAMBERT", "Lunar-Lambert", "A mixture of Lommel-Seeliger and Lambert, as used for mosaics "
-                      "of moons. No phase function and no opposition surge. Costs little more than Lambert"),
-                     ("HAPKE", "Hapke", "Particulate ice with phase function, opposition surge and roughness, see the "
-                      "Hapke panel. No gloss. Costs 1.2 times Lambert with OSL, 1.8 times without"),
-                     ("SNOW", "Snow (Measured)", "Reflectance of snow on Earth as it was measured: brighter against "
-                      "the light. Within about 5 % for a Sun at least 20 degrees high, seen at most 60 degrees from "
-                      "the normal. No gloss, no opposition surge. Costs little more than Lambert"))),
+                      "of moons; costs little more than Lambert. No phase function and no opposition surge"),
+                     ("HAPKE", "Hapke", "Particulate ice with phase function, opposition surge and roughness, but no "
+                      "gloss; see the Hapke panel. Costs 1.2 times Lambert with OSL, 1.8 times without"),
+                     ("SNOW", "Snow (Measured)", "Snow on Earth as it was measured, brighter against the light, "
+                      "within about 5 % for a Sun at least 20 degrees high, seen at most 60 degrees from the normal. "
+                      "No gloss, no opposition surge; costs little more than Lambert"))),
     _fraction("albedo", "Albedo (Brightness)", 0.9,
               "Share of the light that clean, flat ice reflects under uniform light from all directions",
               "material"),
@@ -434,9 +434,9 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
               "Share of the light that enters clear ice, see Transmitted Light", "material"),
     Setting("transmitted", "Transmitted Light", "LOST", "Where the light goes that enters clear ice", "material",
             choices=(("LOST", "Lost", "Deep ice: what enters it does not come back. The surface becomes darker"),
-                     ("THROUGH", "Through Rocks", "Passes through rocks and lights what is behind them, less what pure "
-                      "ice absorbs on its way. The albedo is that of the rest. In the ground it is lost. Shadows are "
-                      "lit along straight lines"))),
+                     ("THROUGH", "Through Rocks", "Passes through rocks and lights what is behind them along straight "
+                      "lines, less what pure ice absorbs on its way. In the ground it is lost; the albedo is that of "
+                      "the rest"))),
     _fraction("roughness", "Roughness", 0.6, "Microfacet roughness of the specular reflection", "material"),
     _fraction("specular", "Specular Level", 0.5,
               "Strength of the specular reflection; 0.5 is the value of the refractive index", "material"),
@@ -477,7 +477,7 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
             choices=(("BUMP", "Bump", "Changes only the shading: the true depth is that of the mesh. Costs no time"),
                      ("DISPLACEMENT", "Displacement",
                       "Moves the vertices of the mesh, and so depth and shadows. Wavelengths below two vertex spacings "
-                      "are lost; Build Scene reports how much"),
+                      "are lost, and Build Scene reports how much"),
                      ("REAL", "Real", "Moves the vertices where the relief is over half a pixel high, with a mesh as "
                       "fine as the image there. Below that, on rocks and on ground from a file it is bump"))),
 ))
@@ -497,7 +497,7 @@ TEXTURES = Topic("textures", "Textures", "Images on the ground and on rocks", (
     Setting("mapping", "Mapping", "OBJECT", "How the images are mapped. Images from the mesh always use its UV "
             "coordinates", "material",
             choices=(("OBJECT", "By Position", "Projected from above, and from the side on steep slopes"),
-                     ("UV", "By UV", "By the UV coordinates of the mesh file. Image Width and Repeats have no effect. "
+                     ("UV", "By UV", "By the UV coordinates of the mesh file; Image Width and Repeats have no effect. "
                       "Rocks have no UV coordinates and get the mean of the images"),
                      ("PATCH", "Over the Patch", "Once over the square of the patch around the origin, seen from "
                       "above, with north up. Image Width and Repeats have no effect"))),
@@ -553,11 +553,11 @@ HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface th
             "exact", "material",
             choices=(("FAST", "Fast", "Reflected light is weighted like sunlight: 2 to 4 % too dark in the mean, up to "
                       "10 % in shadows"),
-                     ("ACCURATE", "Accurate", "Reflected light has the right albedo: within 1 % in the mean, 8 % in "
-                      "shadows. The Sun's disc blurs the surges exactly. Needs OSL and the CPU"),
-                     ("REFERENCE", "Reference", "Hapke's law for three interreflections: within 0.1 % in the mean, 1 % "
-                      "in shadows. Your own objects receive no sunlight from ice. Approximate where dirt or images "
-                      "vary the ice. Needs OSL and the CPU"))),
+                     ("ACCURATE", "Accurate", "Reflected light has the right albedo within 1 % in the mean, 8 % in "
+                      "shadows, and the Sun's disc blurs the surges exactly. Needs OSL and the CPU"),
+                     ("REFERENCE", "Reference", "Hapke's law for three interreflections, within 0.1 % in the mean and "
+                      "1 % in shadows, but approximate where dirt or images vary the ice. Needs OSL and the CPU; your "
+                      "own objects receive no sunlight from ice"))),
     Setting("backend", "Shader", "AUTO", "How the law is implemented in Cycles", "material",
             choices=(("AUTO", "Automatic", "OSL if it is available, otherwise nodes. Warns if this lowers the "
                       "accuracy"),
@@ -880,8 +880,8 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
                      ("OIDN_COLOUR", "OIDN, Colour Only",
                       "Remove the noise without albedo and normals. This smooths fine texture away"))),
     Setting("noise_threshold", "Noise Threshold", 0.0,
-            "Relative noise at which a pixel gets no more samples; 0 gives all pixels the same number. It saves time "
-            "but makes the noise uneven. The minimum is 16 threshold^-0.3 samples", "sampling", "1",
+            "Relative noise at which a pixel gets no more samples, after 16 threshold^-0.3 of them at least; 0 gives "
+            "all pixels the same number. It saves time but makes the noise uneven", "sampling", "1",
             0.0, 1.0, (0.0, 0.1)),
     Setting("diffuse_bounces", "Bounces", 4,
             "Maximum number of diffuse bounces. With 4, even ice of albedo 1 has more than 99 % of its light",
@@ -893,8 +893,8 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
     Setting("fine_relief", "Light on Relief", "ALL", "Light that bump and normal images shade. Only Lambert "
             "and Principled ice without subsurface scattering use this setting", "material",
             choices=(("ALL", "All Light", "Also light that other ground reflects"),
-                     ("CAMERA", "Camera Rays Only", "Other ground reflects light as if it were smooth. Saves a tenth "
-                      "of the time. Under a low Sun, shadows are 2 to 5 % brighter and the mean up to 0.3 %"))),
+                     ("CAMERA", "Camera Rays Only", "Other ground reflects light as if it were smooth, which saves a "
+                      "tenth of the time. Under a low Sun, shadows are 2 to 5 % brighter and the mean up to 0.3 %"))),
     Setting("truth", "Truth", "FULL", "Truth that is rendered with the images", "sampling",
             choices=(("FULL", "Full", "Depth, normals and labels, in a separate render with one sample per pixel"),
                      ("DEPTH", "Depth Only", "Depth from the render of the images. This saves the separate render "

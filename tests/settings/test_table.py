@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 
 import pytest
 from icymoon.settings import preset_files, toml_text
@@ -58,6 +59,12 @@ def test_a_setting_says_what_it_is(topic, setting):
             assert label.strip()
             assert len(meaning) > 5
             assert not meaning.endswith(".")
+
+
+@pytest.mark.parametrize(("topic", "setting"), ALL, ids=map(named, ALL))
+def test_a_tooltip_has_at_most_two_sentences(topic, setting):
+    for text in (setting.description, *(meaning for _, _, meaning in setting.choices or ())):
+        assert len(re.findall(r"[.!?] (?=[A-Z])", text)) <= 1, text
 
 
 @pytest.mark.parametrize("topic", TOPICS.values(), ids=TOPICS)
