@@ -95,11 +95,16 @@ def evaluate(pairs: RenderedPair | str | Path | Iterable[RenderedPair | str | Pa
 def _sort(matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher]
           ) -> tuple[list[str], dict[str, str], dict[str, Matcher]]:
     """Our matchers, those of ours that have names, and functions by their names."""
+    from ..stereo.matchers.methods import OWN_NAME
+
     if isinstance(matchers, str):
         matchers = [matchers]
     named = matchers.items() if isinstance(matchers, Mapping) else [
         (each if isinstance(each, str) else getattr(each, "__name__", "function"), each) for each in matchers]
     functions = {name.replace("<lambda>", "lambda"): each for name, each in named if callable(each)}
+    if bad := [name for name in functions if not OWN_NAME.fullmatch(name)]:
+        raise IcyMoonError(f"A function is called {bad[0][:60]!r}; give it a name of at most 40 letters, digits, - and "
+                           "_ in a dictionary, since a column and a folder are named so.")
     for name, count in Counter(name for name, _ in named).items():
         if count > 1 and name.replace("<lambda>", "lambda") in functions:
             raise IcyMoonError(f"{count} matchers are called {name}; give them names of their own in a dictionary.")

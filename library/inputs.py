@@ -41,10 +41,16 @@ class Input:
         part.write_bytes(self.content)
 
     def store(self, dataset: Path) -> Path:
-        """Write the file into a data set, unless it is there, and return its path."""
+        """Write the file into a data set, unless it is there, and return its path.
+
+        Raises IcyMoonError where a link is in its place, which may lead out of the data set.
+        """
         name = hashlib.sha256(self.content).hexdigest()[:16]
         path = dataset / INPUTS / f"{name}{self.suffix}"
-        if not path.is_file():
+        if link := next((each for each in (path.parent, path) if each.is_symlink()), None):
+            raise IcyMoonError(f"{link} is a link, and what a program gives is kept in the data set itself; remove the "
+                               "link, or choose another folder.")
+        if not path.is_file() or path.read_bytes() != self.content:
             write_atomically(path, self._fill)
         return path
 

@@ -247,7 +247,8 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
     if parsed.json_lines:
         _print_json_line({"type": "result", "report": str(path), "rows": report["summary"], "notes": report["notes"]})
     else:
-        _print_summary(report)
+        if any(entry["pairs"] for entry in report["summary"]):
+            _print_summary(report)
         print(path)
     if report["failed"]:
         raise IcyMoonError(f"{len(report['failed'])} of the evaluations failed, the first one: "

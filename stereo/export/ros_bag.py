@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...files import explain_disk_errors, part_of
 from ...render.pairs.pair_folder import EYES
+from ...system import remove_folder, replace
 from ..images.develop import to_8_bit
 from ..measure.prepare import Loaded
 from .cameras import pose_of, quaternion, rays_of
@@ -39,21 +41,29 @@ def write_ros2(each: Callable[[Callable[[Loaded], None]], None], out: Path) -> N
     bag = out / "pairs"
     if bag.exists():
         raise IcyMoonError(f"{bag} exists already, and a bag is not written over; remove it or choose another folder.")
-    out.mkdir(parents=True, exist_ok=True)
     types = get_typestore(Stores.ROS2_JAZZY)
-    with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        known: dict[str, Any] = {}
-        count = 0
+    part = part_of(bag)
+    with explain_disk_errors("write to", part):
+        part.mkdir(parents=True)
+    try:
+        # In a folder of its own, since a bag has the name of its folder.
+        with Writer(part / bag.name, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+            known: dict[str, Any] = {}
+            count = 0
 
-        def write(pair: Loaded) -> None:
-            nonlocal count
-            for topic, message in messages_of(pair, types, count):
-                if topic not in known:
-                    known[topic] = writer.add_connection(topic, message.__msgtype__, typestore=types)
-                writer.write(known[topic], count * _SECOND, types.serialize_cdr(message, message.__msgtype__))
-            count += 1
+            def write(pair: Loaded) -> None:
+                nonlocal count
+                with explain_disk_errors("write to", part):
+                    for topic, message in messages_of(pair, types, count):
+                        if topic not in known:
+                            known[topic] = writer.add_connection(topic, message.__msgtype__, typestore=types)
+                        writer.write(known[topic], count * _SECOND, types.serialize_cdr(message, message.__msgtype__))
+                count += 1
 
-        each(write)
+            each(write)
+        replace(part / bag.name, bag)
+    finally:
+        remove_folder(part)
 
 
 def messages_of(pair: Loaded, types: Any, second: int) -> Iterator[tuple[str, Any]]:

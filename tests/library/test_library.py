@@ -270,3 +270,36 @@ def test_the_page_of_the_manual_uses_names_that_are_there():
     used = set(re.findall(r"icymoon\.([A-Za-z_]+)\(", page))
     assert used >= {"Scene", "Sweep", "Worker", "evaluate"}
     assert used <= set(icymoon.__all__)
+
+
+@pytest.mark.parametrize("name", ["../out", "a/b", "a=b", "", "x" * 41])
+def test_names_of_functions_that_no_folder_can_have_are_refused(name, tmp_path):
+    with pytest.raises(IcyMoonError, match="give it a name"):
+        icymoon.evaluate(tmp_path, {name: lambda left, right: left}, tmp_path / "out")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="links need a privilege on Windows")
+@pytest.mark.parametrize("planted", ["folder", "file"])
+def test_arrays_are_not_stored_through_a_link_that_was_planted(planted, tmp_path):
+    scene = icymoon.Scene("enceladus_fresh_snow").with_heights(np.zeros((4, 4)))
+    elsewhere, dataset = tmp_path / "elsewhere", tmp_path / "set"
+    elsewhere.mkdir()
+    if planted == "folder":
+        dataset.mkdir()
+        (dataset / "inputs").symlink_to(elsewhere)
+    else:
+        path = Path(scene.stored(dataset).source.file)
+        path.rename(elsewhere / path.name)
+        path.symlink_to(elsewhere / path.name)
+    before = sorted(elsewhere.iterdir())
+    with pytest.raises(IcyMoonError, match="is a link"):
+        scene.stored(dataset)
+    assert sorted(elsewhere.iterdir()) == before
+
+
+def test_a_stored_array_that_was_changed_is_stored_again(tmp_path):
+    scene = icymoon.Scene("enceladus_fresh_snow").with_heights(np.zeros((4, 4)))
+    path = Path(scene.stored(tmp_path).source.file)
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-8])
+    assert Path(scene.stored(tmp_path).source.file).read_bytes() == whole

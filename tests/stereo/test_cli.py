@@ -351,3 +351,13 @@ def test_the_printed_tables_rank_what_the_scenes_allow_and_call_nothing_a_zero(c
     assert lines[2][2:] == ["–", "–", "–", "4.500"]  # what it cost stands
     assert set(lines[5][2:]) == {"–"}
     assert "8 scenes [of 9].\nA note." in printed
+
+
+def test_there_is_no_empty_table_where_every_pair_fails(tmp_path, monkeypatch, capsys):
+    nothing = {"summary": [{"method": "bm", "pairs": 0, "failed": 2}], "notes": [], "verdicts": "",
+               "failed": [{"message": "a reason"}] * 2}
+    monkeypatch.setattr("icymoon.stereo.evaluate.evaluate", lambda *arguments: nothing)
+    assert cli.main(["evaluate", str(tmp_path), "--out", str(tmp_path / "out")]) == 1
+    printed = capsys.readouterr()
+    assert "Means over" not in printed.out
+    assert "2 of the evaluations failed, the first one: a reason" in printed.err

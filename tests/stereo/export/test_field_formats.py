@@ -198,6 +198,18 @@ def test_a_pair_without_sun_or_pose_is_a_sentence(tmp_path):
         assert "does not contain" in failure
 
 
+def test_a_bag_that_was_stopped_leaves_nothing(dataset, tmp_path):
+    pytest.importorskip("rosbags", reason="pip install icymoon[ros]")
+
+    def stop(event):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        export([dataset], "ros2", tmp_path / "bag", on_event=stop)
+    assert not list((tmp_path / "bag").iterdir())
+    assert (exported(dataset, tmp_path, "ros2") / "pairs" / "pairs.mcap").is_file(), "and the next one is whole"
+
+
 def test_a_bag_gives_back_what_was_put_in(dataset, tmp_path, points):
     pytest.importorskip("rosbags", reason="pip install icymoon[ros]")
     from rosbags.rosbag2 import Reader
