@@ -133,6 +133,7 @@ class MeshSettings(Table):
     farthest_m: float  # m
     most: int  # vertices
     crests: Literal["ROUNDED", "CUT"]
+    walls: Literal["FLUTED", "BROKEN"]
 
 
 class RidgesSettings(Table):
@@ -212,6 +213,16 @@ class PenitentesSettings(Table):
     lean_deg: float  # deg
 
 
+class PitsSettings(Table):
+    """Pits with flat floors and steep walls, which grow sideways by sublimation."""
+
+    __slots__ = ()
+    depth_m: float  # m
+    diameter_m: float  # m
+    coverage: float
+    wall_deg: float  # deg
+
+
 class HillsSettings(Table):
     """Hills and ranges from the patch of ground to the horizon."""
 
@@ -265,6 +276,7 @@ class SurfaceSettings(Table):
     bubble_band_m: float  # m
     frost_share: float
     frost_patch_m: float  # m
+    patch_raggedness: float
     frost_albedo: float
     crust_share: float
     crust_patch_m: float  # m
@@ -274,6 +286,7 @@ class SurfaceSettings(Table):
     glint_size_m: float  # m
     grain_size_m: float  # m
     grain_amplitude_m: float  # m
+    grain_patchiness: float
     relief: Literal["BUMP", "DISPLACEMENT", "REAL"]
 
 
@@ -525,6 +538,7 @@ class Settings(Table):
     craters: CratersSettings
     hollows: HollowsSettings
     penitentes: PenitentesSettings
+    pits: PitsSettings
     hills: HillsSettings
     mantle: MantleSettings
     surface: SurfaceSettings
@@ -549,6 +563,7 @@ TABLES: dict[str, type[Table]] = {
     "craters": CratersSettings,
     "hollows": HollowsSettings,
     "penitentes": PenitentesSettings,
+    "pits": PitsSettings,
     "hills": HillsSettings,
     "mantle": MantleSettings,
     "surface": SurfaceSettings,

@@ -30,7 +30,8 @@ from mathutils import Vector, noise
 SIZE, SIDE, OCTAVES, LOOPED = 20.0, 1000, 8, 200
 AXIS = np.linspace(-SIZE / 2, SIZE / 2, SIDE)
 LANDFORMS = {"chaos": {"relief_m": 1.0, "matrix_m": 0.1}, "ridges": {"height_m": 0.5}, "cracks": {"depth_m": 0.3},
-             "craters": {"coverage": 0.2}, "hollows": {"depth_m": 0.05}, "penitentes": {"height_m": 1.0}}
+             "craters": {"coverage": 0.2}, "hollows": {"depth_m": 0.05}, "penitentes": {"height_m": 1.0},
+             "pits": {"depth_m": 0.3}}
 EIGHT = {"outer_scale_m": 8.0, "inner_scale_m": 8.0 / 2 ** (OCTAVES - 1)}
 
 

@@ -47,7 +47,7 @@ MOST_ROCKS = 1000
 #: Maximum number of vertices of the whole ground that ``build_coarse`` makes in about a second.
 MOST_VERTICES = 20000
 _EDITED = "The {} was edited by hand, so sliders do not change it; press Build Scene to build it again."
-_TURNED = "Preview: fine relief is real only where the camera looked; press Build Scene"
+_TURNED = "Preview: fine relief and broken walls are real only where the camera looked; press Build Scene"
 
 
 def notes(scene: bpy.types.Scene) -> list[str]:

@@ -19,7 +19,8 @@ _PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", 
                     "crust_patch_m", "crust_height_m", "crust_roughness"}
 #: Surface settings, and the setting that must be above 0 for them to have an effect.
 _SURFACE_NEEDS = {"albedo_patch_m": "albedo_variation", "subsurface_radius_m": "subsurface_weight",
-                  "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m", "glint_size_m": "glint_share",
+                  "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m",
+                  "grain_patchiness": "grain_amplitude_m", "glint_size_m": "glint_share",
                   "transmitted": "transmission", "bubble_radius_m": "bubble_share", "bubble_band_m": "bubble_share",
                   "frost_patch_m": "frost_share", "frost_albedo": "frost_share", "crust_patch_m": "crust_share",
                   "crust_height_m": "crust_share", "crust_roughness": "crust_share",
@@ -107,6 +108,9 @@ def has_effect(topic: str, key: str, root: Any) -> bool:
         # Rocks have no troughs.
         dirty = group.slope_dirt != 0 or (topic == "surface" and group.trough_dirt != 0)
         return bool(dirty and (key == "dirt" or group.dirt != "BLACK"))
+    if topic in ("surface", "rock_surface") and key == "patch_raggedness":
+        return bool((group.model == "PRINCIPLED" and group.frost_share > 0)
+                    or (group.dirt != "BLACK" and group.dirt_patch_m > 0))
     if topic in ("surface", "rock_surface"):
         if key in ("albedo", "ice_colour", "snow_grain_m") and group.model == "PRINCIPLED" and group.bubble_share > 0:
             return False  # they follow from the bubbles

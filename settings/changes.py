@@ -11,6 +11,7 @@ from dataclasses import astuple
 from typing import Any
 
 from ..physics.mesh import fine_relief
+from ..physics.mesh.broken_walls import breaks_walls
 from ..physics.mesh.fine_relief import is_carried_by_grid
 from ..physics.mesh.grading import OF_THE_RIG, fine_relief_of
 from ..physics.scene_requirements import SURFACES, follows_walk
@@ -65,14 +66,14 @@ def scene(settings: Settings) -> Parts:
 
 
 def relief_in_mesh(settings: Settings) -> str:
-    """Text that is equal for settings whose meshes have the same fine relief; empty if it is not in the mesh."""
+    """Text that is equal for settings whose meshes have the same fine relief and broken walls; empty for neither."""
     if settings.mesh.kind != "GRADED":
         return "grid" if is_carried_by_grid(settings) else ""
-    relief = fine_relief_of(settings)
-    if relief is None:
+    relief, walls = fine_relief_of(settings), breaks_walls(settings)
+    if relief is None and not walls:
         return ""
-    return " ".join(f"{value:.6g}" for value in (
-        *astuple(relief), *(settings.rig[key] for key in fine_relief.OF_THE_RIG)))
+    return " ".join(f"{value:.6g}" for value in (*(astuple(relief) if relief else ()), *((-1.0,) if walls else ()),
+                                                 *(settings.rig[key] for key in fine_relief.OF_THE_RIG)))
 
 
 def materials(settings: Settings) -> Parts:

@@ -80,6 +80,7 @@ class MeshOverrides(TypedDict, total=False):
     farthest_m: float  # m
     most: int  # vertices
     crests: Literal["ROUNDED", "CUT"]
+    walls: Literal["FLUTED", "BROKEN"]
 
 
 class RidgesOverrides(TypedDict, total=False):
@@ -153,6 +154,15 @@ class PenitentesOverrides(TypedDict, total=False):
     lean_deg: float  # deg
 
 
+class PitsOverrides(TypedDict, total=False):
+    """Changes of ``pits``."""
+
+    depth_m: float  # m
+    diameter_m: float  # m
+    coverage: float
+    wall_deg: float  # deg
+
+
 class HillsOverrides(TypedDict, total=False):
     """Changes of ``hills``."""
 
@@ -203,6 +213,7 @@ class SurfaceOverrides(TypedDict, total=False):
     bubble_band_m: float  # m
     frost_share: float
     frost_patch_m: float  # m
+    patch_raggedness: float
     frost_albedo: float
     crust_share: float
     crust_patch_m: float  # m
@@ -212,6 +223,7 @@ class SurfaceOverrides(TypedDict, total=False):
     glint_size_m: float  # m
     grain_size_m: float  # m
     grain_amplitude_m: float  # m
+    grain_patchiness: float
     relief: Literal["BUMP", "DISPLACEMENT", "REAL"]
 
 
@@ -320,6 +332,7 @@ class RockSurfaceOverrides(TypedDict, total=False):
     bubble_band_m: float  # m
     frost_share: float
     frost_patch_m: float  # m
+    patch_raggedness: float
     frost_albedo: float
     crust_share: float
     crust_patch_m: float  # m
@@ -329,6 +342,7 @@ class RockSurfaceOverrides(TypedDict, total=False):
     glint_size_m: float  # m
     grain_size_m: float  # m
     grain_amplitude_m: float  # m
+    grain_patchiness: float
     relief: Literal["BUMP", "DISPLACEMENT", "REAL"]
 
 
@@ -492,6 +506,7 @@ class Overrides(TypedDict, total=False):
     craters: CratersOverrides
     hollows: HollowsOverrides
     penitentes: PenitentesOverrides
+    pits: PitsOverrides
     hills: HillsOverrides
     mantle: MantleOverrides
     surface: SurfaceOverrides

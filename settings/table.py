@@ -201,9 +201,15 @@ MESH = Topic("mesh", "Mesh", "Resolution and extent of the mesh of procedural gr
     Setting("most", "Maximum Vertices", 2000000,
             "Maximum number of vertices. If the largest error needs more, the mesh has a larger error and reports it",
             "geometry", "vertices", 1000, 100000000, (10000, 10000000)),
-    Setting("crests", "Crests", "ROUNDED", "What a graded mesh does with the crests of penitentes", "geometry",
+    Setting("crests", "Crests", "ROUNDED", "What a graded mesh does with crests of penitentes and rims of pits",
+            "geometry",
             choices=(("ROUNDED", "Rounded", "Crests are as round as the mesh is coarse, and show small teeth"),
                      ("CUT", "Cut", "Triangles are cut along the crests, which are then as sharp as the law"))),
+    Setting("walls", "Walls", "FLUTED", "What a graded mesh does with walls of pits and of broken plates and cracks",
+            "geometry",
+            choices=(("FLUTED", "Fluted", "Walls have one shape from rim to foot, as a height field has"),
+                     ("BROKEN", "Broken", "Where cameras see walls, their triangles are cut smaller, and chips that "
+                      "differ from top to bottom are broken out of them"))),
 ))
 
 RIDGES = Topic("ridges", "Ridges", "Double ridges with a trough between the crests; young ridges cross old ones", (
@@ -296,6 +302,16 @@ PENITENTES = Topic("penitentes", "Penitentes", "Rows of ice blades that lean tow
              "Azimuth of the noon Sun. Blades lean toward it, and rows run at right angles to it", "geometry"),
     _degrees("lean_deg", "Lean", 0.0, 0.0, 60.0, "Angle by which blades lean from the vertical: the zenith distance of "
              "the noon Sun. Limited to what a height field can contain", "geometry", (0.0, 30.0)),
+), LANDFORMS)
+
+PITS = Topic("pits", "Pits", "Pits with flat floors and steep walls, which grow sideways by sublimation", (
+    _metres("depth_m", "Depth", 0.0, 0.0, 100.0, (0.0, 2.0), "Depth of the floors below the ground; 0 for no pits",
+            "geometry"),
+    _metres("diameter_m", "Diameter", 2.0, 1.0e-2, 1.0e4, (0.2, 20.0), "Mean diameter of a pit. They have from half to "
+            "one and a half times that", "geometry"),
+    Setting("coverage", "Coverage", 0.3, "Share of the ground that is in pits. Above about 0.3 many grow together",
+            "geometry", "1", 0.0, 0.8, (0.0, 0.7)),
+    _degrees("wall_deg", "Wall Slope", 60.0, 10.0, 85.0, "Slope of the walls", "geometry"),
 ), LANDFORMS)
 
 HILLS = Topic("hills", "Distant Hills", "Hills and ranges from the patch of ground to the horizon", (
@@ -456,6 +472,8 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
               "material"),
     _metres("frost_patch_m", "Frost Patch", 0.15, 1.0e-4, 1.0e4, (0.01, 5.0), "Wavelength of the patches of frost",
             "material"),
+    _fraction("patch_raggedness", "Ragged Patches", 0.0, "How ragged the edges of patches of frost and of dirt are: "
+              "the share of their variance that has an eighth of their wavelength and less", "material"),
     _fraction("frost_albedo", "Frost Albedo", 0.9, "Albedo of the frost", "material"),
     _fraction("crust_share", "Crust", 0.0,
               "Share of the snow with a crust: a smooth, slightly glossy skin, broken into patches", "material"),
@@ -473,6 +491,9 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
             "Wavelength of the fine relief, which is finer than the mesh", "material"),
     _metres("grain_amplitude_m", "Grain Relief", 0.004, 0.0, 1.0, (0.0, 0.05),
             "Height of the fine relief, from its lowest to its highest point", "material"),
+    _fraction("grain_patchiness", "Patchy Grain", 0.0, "How much the height of the fine relief differs from place to "
+              "place, at the same RMS height: 0 is equally rough everywhere, 1 has smooth places beside rough ones",
+              "material"),
     Setting("relief", "Fine Relief", "REAL", "How the fine relief is made", "material",
             choices=(("BUMP", "Bump", "Changes only the shading: the true depth is that of the mesh. Costs no time"),
                      ("DISPLACEMENT", "Displacement",
@@ -931,8 +952,8 @@ DATASET = Topic("dataset", "Data Set", "Folder and plan of a data set", (
 ))
 
 TOPICS: dict[str, Topic] = {t.key: t for t in (
-    SOURCE, TERRAIN, MESH, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, HILLS, MANTLE, SURFACE, HAPKE, TEXTURES,
-    ROCKS, ROCK_SURFACE, LIGHT, RIG, SENSOR, QUALITY, DATASET)}
+    SOURCE, TERRAIN, MESH, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, PITS, HILLS, MANTLE, SURFACE, HAPKE,
+    TEXTURES, ROCKS, ROCK_SURFACE, LIGHT, RIG, SENSOR, QUALITY, DATASET)}
 
 
 def all_settings() -> list[tuple[str, Setting]]:

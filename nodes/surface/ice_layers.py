@@ -17,7 +17,14 @@ from ...physics.surfaces.principled import diffuse_fresnel_reflectance
 from ...typed_settings import SurfaceSettings
 from ..tree.builder import Tree
 from ..tree.formula import Number
-from .patches_and_grain import NOISE_DEVIATION, NOISE_MEAN, add_noise, add_share, threshold_for_share
+from .patches_and_grain import (
+    NOISE_DEVIATION,
+    NOISE_MEAN,
+    add_noise,
+    add_patch_noise,
+    add_share,
+    threshold_for_share,
+)
 
 WHITE, _RGB = (1.0, 1.0, 1.0, 1.0), ("Red", "Green", "Blue")
 #: Whitest and bluest bands have this many times the bubbles of the mean and this part of them; the most bubbles of all.
@@ -109,7 +116,7 @@ def add_clear_ice(tree: Tree, surface: SurfaceSettings, normal: Any) -> tuple[An
 def add_frost_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float) -> Any:
     """Output socket of the share of a place that is frost: much on level ground and on top of rocks, none on steep
     faces."""
-    field = add_noise(tree, "Frost", geometry.outputs["Position"], surface.frost_patch_m, fourth, 4.0)
+    field = add_patch_noise(tree, surface, "Frost", geometry.outputs["Position"], surface.frost_patch_m, fourth)
     upright = tree.node("ShaderNodeSeparateXYZ", "Up", {"Vector": geometry.outputs["True Normal"]}).outputs["Z"]
     rise = _NEVER * NOISE_DEVIATION / (_FROST_FULL - _FROST_FREE)
     steep = (_FROST_FULL - Number(tree, upright)).at_least(0.0) * rise

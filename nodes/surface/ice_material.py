@@ -24,7 +24,14 @@ from . import ice_layers, reflectance_laws
 from .glints import add_glints
 from .ground_colour import add_ground_colour
 from .ice_layers import WHITE
-from .patches_and_grain import GRAIN_FARTHEST, add_brightness, add_grain, add_grain_by_fineness, darkest
+from .patches_and_grain import (
+    GRAIN_FARTHEST,
+    add_brightness,
+    add_grain,
+    add_grain_by_fineness,
+    add_patchy,
+    darkest,
+)
 from .shown_albedo import add_albedo_pass
 from .sun_inputs import Sun
 from .textures import Sampler, Textured
@@ -69,7 +76,8 @@ def _add_fine_height(tree: Tree, surface: SurfaceSettings, where: Any, place: Se
     grain = None
     if surface.grain_amplitude_m > 0.0:
         about_0 = add_grain(tree, where, surface.grain_size_m, place)
-        grain = tree.math("MULTIPLY", "Grain Height", about_0, surface.grain_amplitude_m)
+        even = tree.math("MULTIPLY", "Grain Height", about_0, surface.grain_amplitude_m)
+        grain = add_patchy(tree, surface, where, place, even)
     return _add_sum(tree, grain, _add_image_height(tree, pieces, textured))
 
 

@@ -36,7 +36,11 @@ _GRAIN_SPAN = 0.88
 #: Normal of the mirror, z - (1, 1, 1) / 3^0.5, that maps level ground to a plane with equal parts of all three axes
 #: of the noise's lattice. In a plane along two axes, the lattice would be visible as a weave.
 _OFF_LATTICE = (-3 ** -0.5, -3 ** -0.5, 1.0 - 3 ** -0.5)
+#: Longest wavelength of patches of grain, in wavelengths of the grain.
+_PATCHES = 16.0
 _STEEP = 1.0 - math.cos(math.radians(45.0))
+#: Wavelength of the ragged part of patches, in wavelengths of the patches.
+_RAGGED = 0.125
 #: Elevations are limited to this many standard deviations.
 _MOST_ELEVATION = 3.0
 
@@ -46,6 +50,21 @@ def add_noise(tree: Tree, label: str, where: Any, wavelength_m: float, fourth: f
     return tree.node("ShaderNodeTexNoise", label, {
         "Vector": where, "W": fourth, "Scale": 1.0 / wavelength_m, "Detail": octaves, "Roughness": 0.5,
         "Lacunarity": 2.0, "Distortion": 0.0}, noise_dimensions="4D", noise_type="FBM", normalize=True).outputs[0]
+
+
+def add_patchy(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float], height: Any) -> Any:
+    """Output socket of a height of grain of which some places have more and others less, with its RMS height kept.
+
+    The factor is log-normal, as in a multiplicative cascade: exp(s g - s²) with Gaussian noise g of unit deviation has
+    a mean square of 1. Its patches are 2 to ``_PATCHES`` wavelengths of the grain wide.
+    """
+    if surface.grain_patchiness == 0.0:
+        return height
+    field = add_noise(tree, "Patches of Grain", where, _PATCHES * surface.grain_size_m, place[0], 4.0)
+    deviations = Number(tree, field).times_plus(1 / NOISE_DEVIATION, -NOISE_MEAN / NOISE_DEVIATION)
+    s = float(surface.grain_patchiness)
+    share = (deviations * s + -s * s).exp().named("Share of Grain")
+    return (Number(tree, height) * share).value
 
 
 def add_grain(tree: Tree, where: Any, wavelength_m: float, place: Sequence[float]) -> Any:
@@ -94,7 +113,7 @@ def add_grain_by_fineness(tree: Tree, surface: SurfaceSettings, where: Any, plac
         painted = tree.math("SUBTRACT", f"Painted {k + 1}", height, moved)
         carried = moved if carried is None else tree.math("ADD", f"Moved to {k + 1}", carried, moved)
         rest = painted if rest is None else tree.math("ADD", f"Painted to {k + 1}", rest, painted)
-    return carried, rest
+    return add_patchy(tree, surface, where, place, carried), add_patchy(tree, surface, where, place, rest)
 
 
 def mark_elevation(mesh: bpy.types.Mesh, surface: SurfaceSettings,
@@ -148,6 +167,22 @@ def add_brightness(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: 
     return _add_factors(tree, "Brightness", factors)
 
 
+def add_patch_noise(tree: Tree, surface: SurfaceSettings, label: str, where: Any, wavelength_m: float,
+                    fourth: float) -> Any:
+    """Output socket of noise for patches, of mean ``NOISE_MEAN`` and deviation ``NOISE_DEVIATION``.
+
+    ``patch_raggedness`` of it, as a share of the variance, has ``_RAGGED`` of the wavelength and less: the edges of
+    patches then break up into small ones, as those of frost and dust that lie between grains do.
+    """
+    field = add_noise(tree, label, where, wavelength_m, fourth, 4.0)
+    if surface.patch_raggedness == 0.0:
+        return field
+    fine = add_noise(tree, f"{label}, Ragged", where, _RAGGED * wavelength_m, fourth + 0.5, 4.0)
+    long, short = (math.sqrt(share) for share in (1.0 - surface.patch_raggedness, surface.patch_raggedness))
+    both = Number(tree, field) * long + Number(tree, fine) * short
+    return (both + NOISE_MEAN * (1.0 - long - short)).named(f"{label}, Both").value
+
+
 def add_clean_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, elevated: bool) -> Any:
     """Share of the area that dirt of a material leaves free: an output socket, or 1.0 if there is no dirt.
 
@@ -157,7 +192,7 @@ def add_clean_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth:
     clean = _add_factors(tree, "Clean Share", _clean_shares(tree, surface, geometry, elevated))
     if clean == 1.0 or surface.dirt_patch_m == 0.0:
         return clean
-    field = add_noise(tree, "Dirt Patches", geometry.outputs["Position"], surface.dirt_patch_m, fourth, 4.0)
+    field = add_patch_noise(tree, surface, "Dirt Patches", geometry.outputs["Position"], surface.dirt_patch_m, fourth)
     # The share of noise that is below its value here: a logistic function is within 0.01 of the Gaussian's.
     deviations = Number(tree, field).times_plus(1 / NOISE_DEVIATION, -NOISE_MEAN / NOISE_DEVIATION)
     below = (1.0 / ((deviations * -1.702).exp() + 1.0)).named("Share of Noise Below")

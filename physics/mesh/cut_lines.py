@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .split_triangles import split_sides
+
 #: A signed distance, in metres, of places (x_m, y_m) from the nearest line. It may jump where that is another line.
 Line = Callable[[np.ndarray, np.ndarray], np.ndarray]
 #: Vertices nearer to the line than this share of their step are moved onto it. Below a half, so that no triangle folds.
@@ -129,20 +131,8 @@ def _split(places: np.ndarray, faces: np.ndarray, value: np.ndarray, on_line: np
     middle[cut] = new[which.ravel()]
     places = np.concatenate([places, _bisect(places, edges, value, line)])
     on_line = np.concatenate([on_line, np.ones(len(edges), bool)])
-    made = [np.delete(faces, crossed, axis=0)]
-    number = cut.sum(axis=1)
-    for k in range(3):
-        a, b, c = (some[:, (k + j) % 3] for j in range(3))
-        ab, bc, ca = (middle[:, (k + j) % 3] for j in range(3))
-        one = (number == 1) & (ab >= 0)  # the line leaves by the corner opposite, or ends in the triangle
-        made += [np.stack([a, ab, c], 1)[one], np.stack([ab, b, c], 1)[one]]
-        two = (number == 2) & (ca < 0)  # around b
-        made += [np.stack(t, 1)[two] for t in ((ab, b, bc), (a, ab, bc), (a, bc, c))]
-    three = number == 3  # two lines: keep it closed
-    a, b, c = some.T
-    ab, bc, ca = middle.T
-    made += [np.stack(t, 1)[three] for t in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-    return Cut(places, np.concatenate(made).astype(faces.dtype), on_line)
+    made = np.concatenate([np.delete(faces, crossed, axis=0), split_sides(some, middle)[0]])
+    return Cut(places, made.astype(faces.dtype), on_line)
 
 
 def _bisect(places: np.ndarray, edges: np.ndarray, value: np.ndarray, line: Line) -> np.ndarray:

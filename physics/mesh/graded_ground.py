@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from ...typed_settings import RigSettings, Settings
+from ..terrain.landforms import Walls
 from ..terrain.terrain import Terrain
+from .broken_walls import BEFORE, break_walls, breaks_walls
 from .cut_lines import cut_along
 from .fine_relief import carried_share, is_seen, nearest_m
 from .grading import CARRIED, Grading, grade
@@ -18,6 +20,8 @@ from .split_triangles import split_triangles
 
 #: Vertices worked on at a time: neighbouring rings, whose noise is then looked up in one small table.
 _BLOCK = 16384
+#: Stands for an infinite spacing where means are taken.
+_UNMOVED_M = 1.0e9
 
 
 @dataclass(frozen=True)
@@ -39,7 +43,8 @@ class GradedMesh:
 class Graded:
     """Ground on a sphere that touches the map at the site, and the grading of its mesh.
 
-    ``rig`` settings are those of the cameras that fine relief is made for; None without.
+    ``rig`` settings are those of the cameras that fine relief is made for; None without. If it ``breaks_walls``, the
+    mesh has at most ``most`` vertices.
     """
 
     ground: Terrain
@@ -47,6 +52,8 @@ class Graded:
     body_radius_m: float
     cuts_crests: bool = False
     rig: RigSettings | None = None
+    breaks_walls: bool = False
+    most: int = 0
 
     @property
     def size_m(self) -> float:
@@ -89,7 +96,11 @@ class Graded:
             places, faces, sharp = _round_to_single(cut.places), cut.faces, np.concatenate([sharp, cut.sharp_edges()])
             step = self.grading.spacing_at(np.hypot(*self._from_the_site(places)))
         whole = GradedMesh(self._raise(places, step), faces, sharp)
-        return whole if self.rig is None or self.grading.relief is None else self._cut_for_relief(whole, step)
+        if self.rig is not None and self.grading.relief is not None:
+            whole = self._cut_for_relief(whole, step)
+        for walls in (each.walls for each in self.ground.landforms if self.breaks_walls and each.walls):
+            whole = self._break(whole, walls)
+        return whole
 
     def _from_the_site(self, places: np.ndarray) -> np.ndarray:
         """East and north (2, n) of the left eye of places or positions (n, 2 or 3), in metres."""
@@ -126,6 +137,21 @@ class Graded:
         spacing[finer] = step[finer] / relief.parts
         return GradedMesh(positions, split.faces, whole.sharp, spacing, split.cut)
 
+    def _break(self, whole: GradedMesh, walls: Walls) -> GradedMesh:
+        """The mesh with walls that are broken where they are near enough and the cameras see them."""
+        at = self.grading.view
+        assert self.rig is not None
+        east, north = self._from_the_site(whole.positions)
+        above = whole.positions[:, 2] - whole.positions[0, 2] - at.height_m
+        pixel_m = np.where(is_seen(self.rig, east, north, above),
+                           at.nearest_m(np.hypot(east, north)) / at.pixels_per_radian, np.inf)
+        spacing = np.zeros(len(above)) if whole.spacing_m is None else np.minimum(whole.spacing_m, _UNMOVED_M)
+        broken = break_walls(whole.positions, whole.faces, walls, spacing, pixel_m, self.most)
+        if whole.spacing_m is None or whole.fine is None:
+            return GradedMesh(broken.positions, broken.faces, whole.sharp)
+        spacing = np.where(broken.spacing_m > spacing[spacing < _UNMOVED_M].max(), np.inf, broken.spacing_m)
+        return GradedMesh(broken.positions, broken.faces, whole.sharp, spacing, whole.fine[broken.of_face])
+
     def advice(self, settings: Settings) -> list[str]:
         """Sentences about a mesh that is coarser than the settings ask; none if it is not."""
         wanted, mesh = self.grading.wanted_vertices, settings.mesh
@@ -155,6 +181,8 @@ def _round_to_single(values: np.ndarray) -> np.ndarray:
 def grade_ground(ground: Terrain, settings: Settings) -> Graded:
     """The graded ground that complete ``settings`` ask for."""
     cuts_crests = settings.mesh.crests == "CUT" and any(each.crests for each in ground.landforms)
-    grading = grade(ground, settings)  # by the rounded crests, so that cutting them changes no spacing
+    broken, most = breaks_walls(settings), int(settings.mesh.most)
+    # By the rounded crests, so that cutting them changes no spacing.
+    grading = grade(ground, settings | {"mesh": settings.mesh | {"most": int(BEFORE * most)}} if broken else settings)
     return Graded(ground.with_sharp_crests() if cuts_crests else ground, grading, float(settings.terrain.body_radius_m),
-                  cuts_crests, settings.rig)
+                  cuts_crests, settings.rig, broken, most)

@@ -70,3 +70,26 @@ def split_triangles(faces: np.ndarray, which: np.ndarray, vertices: int, parts: 
         np.concatenate([np.stack([1.0 - share, share, 0.0 * share], axis=1), np.tile(weights, (len(chosen), 1))]),
         np.concatenate([faces[~which], small]).astype(np.int32),
         np.repeat([False, True], [int(np.sum(~which)), len(small)]), border)
+
+
+def split_sides(faces: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles (m, 3) from some (c, 3), cut at vertices ``middle`` (c, 3) on their sides; which each is part of (m,).
+
+    Side k is that from corner k to the next; -1 for a side that is not cut. Each triangle has at least one cut.
+    """
+    made, which = [], []
+    number, index = (middle >= 0).sum(axis=1), np.arange(len(faces))
+
+    def add(some: np.ndarray, *corners: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+        made.extend(np.stack(each, axis=1)[some] for each in corners)
+        which.extend([index[some]] * len(corners))
+
+    for k in range(3):
+        a, b, c = (faces[:, (k + j) % 3] for j in range(3))
+        ab, bc, ca = (middle[:, (k + j) % 3] for j in range(3))
+        add((number == 1) & (ab >= 0), (a, ab, c), (ab, b, c))
+        add((number == 2) & (ca < 0), (ab, b, bc), (a, ab, bc), (a, bc, c))
+    a, b, c = faces.T
+    ab, bc, ca = middle.T
+    add(number == 3, (a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+    return np.concatenate(made), np.concatenate(which)

@@ -140,7 +140,8 @@ def otherwise() -> None:
     for topic, key, value in (
             ("source", "kind", "MESH"), ("source", "detail", True), ("ridges", "height_m", 1.0),
             ("cracks", "depth_m", 0.2), ("chaos", "relief_m", 1.0), ("craters", "coverage", 0.2),
-            ("hollows", "depth_m", 0.1), ("penitentes", "height_m", 1.0), ("mantle", "thickness_m", 0.1),
+            ("hollows", "depth_m", 0.1), ("penitentes", "height_m", 1.0),
+            ("pits", "depth_m", 0.2), ("mantle", "thickness_m", 0.1),
             ("surface", "model", "PRINCIPLED"), ("surface", "subsurface_weight", 0.5),
             ("surface", "grain_amplitude_m", 0.01), ("surface", "salt_share", 0.2),
             ("surface", "albedo_variation", 0.2), ("textures", "set", "OWN"), ("rocks", "law", "POWER"),

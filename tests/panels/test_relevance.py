@@ -98,7 +98,8 @@ def test_a_landform_that_there_is_none_of_has_but_the_setting_that_makes_some(to
 
 PRINCIPLED = {"subsurface_weight", "transmission", "roughness", "specular", "refractive_index", "glint_share",
               "bubble_share", "frost_share", "crust_share"}
-IDLE = {"transmitted", "bubble_radius_m", "bubble_band_m", "frost_patch_m", "frost_albedo", "crust_patch_m",
+IDLE = {"transmitted", "bubble_radius_m", "bubble_band_m", "frost_patch_m", "patch_raggedness", "frost_albedo",
+        "crust_patch_m",
         "crust_height_m", "crust_roughness", "albedo_patch_m", "subsurface_radius_m", "salt_patch_m", "salt_red",
         "salt_green", "salt_blue", "glint_size_m", "snow_grain_m", "dirt", "dirt_patch_m", "salt"}
 #: What a state of the settings leaves of a topic: all keys but those named, or those named alone.
@@ -127,8 +128,10 @@ CASES = [
                              "salt_share": 0.1}}, "but",
      {"lommel_seeliger_share", "salt_red", "salt_green", "salt_blue"} | IDLE - {
          "snow_grain_m", "dirt", "dirt_patch_m", "salt", "salt_patch_m"}),
+    ("surface", {"surface": {"slope_dirt": 0.1, "dirt": "THOLIN", "dirt_patch_m": 0.1}}, "but",
+     {"lommel_seeliger_share"} | IDLE - {"dirt", "dirt_patch_m", "patch_raggedness"}),
     ("surface", {"surface": {"grain_amplitude_m": 0.0}}, "but",
-     {"lommel_seeliger_share", "grain_size_m", "relief", *IDLE}),
+     {"lommel_seeliger_share", "grain_size_m", "grain_patchiness", "relief", *IDLE}),
     ("surface", {"surface": {"model": "LAMBERT"}}, "but", {"lommel_seeliger_share", *PRINCIPLED, *IDLE}),
     ("surface", {"surface": {"model": "LUNAR_LAMBERT"}}, "but", {*PRINCIPLED, *IDLE}),
     ("rock_surface", {"rock_surface": {"model": "HAPKE"}}, "but",

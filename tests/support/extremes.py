@@ -37,7 +37,7 @@ LEFT_OUT = ("source", "textures", "dataset")
 #: The setting without which a topic makes nothing, and a value of it.
 SWITCHED_ON_BY = {"rocks": ("coverage", 0.02), "craters": ("coverage", 0.02), "ridges": ("height_m", 1.0),
                   "cracks": ("depth_m", 0.3), "chaos": ("relief_m", 1.0), "hollows": ("depth_m", 0.2),
-                  "penitentes": ("height_m", 1.0), "mantle": ("thickness_m", 0.2)}
+                  "penitentes": ("height_m", 1.0), "pits": ("depth_m", 0.3), "mantle": ("thickness_m", 0.2)}
 #: The shorter of two lengths may not pass the longer.
 SHORT_AND_LONG = (("rocks", "smallest_m", "largest_m"), ("craters", "smallest_m", "largest_m"),
                   ("terrain", "inner_scale_m", "outer_scale_m"))

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from . import chaos, cracks, craters, hollows, penitentes, ridges
-from .common import Landform
+from . import chaos, cracks, craters, hollows, penitentes, pits, ridges
+from .common import Landform, Walls
 
 #: In the order in which they shape the ground; the position is part of each one's seed.
 MAKERS: dict[str, Callable[[Any, np.random.Generator, float], Landform | None]] = {
     "chaos": chaos.make, "ridges": ridges.make, "cracks": cracks.make, "craters": craters.make,
-    "hollows": hollows.make, "penitentes": penitentes.make}
+    "hollows": hollows.make, "penitentes": penitentes.make, "pits": pits.make}
 
-__all__ = ["MAKERS", "Landform"]
+__all__ = ["MAKERS", "Landform", "Walls"]

@@ -18,7 +18,7 @@ import numpy as np
 
 from ....typed_settings import ChaosSettings
 from ..noise.voronoi import voronoi
-from .common import Landform, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
+from .common import Landform, Walls, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
 
 #: Slope of the plates' scarps by kind of edge: debris at the foot leaves rounded ones no steeper.
 _SCARP = {"ROUNDED": math.tan(math.radians(60.0)), "BROKEN": math.tan(math.radians(80.0))}
@@ -64,7 +64,7 @@ def make(settings: ChaosSettings, random: np.random.Generator, size_m: float) ->
     def matrix(u: np.ndarray, v: np.ndarray) -> np.ndarray:
         return _fragments(u, v, keys[10:13]) if edges == "BROKEN" else _lumps(u, v, keys[7:10])
 
-    return Landform(scarp, heights)
+    return Landform(scarp, heights, walls=Walls(relief, keys[13]) if edges == "BROKEN" and relief else None)
 
 
 def _lumps(u: np.ndarray, v: np.ndarray, keys: Sequence[int]) -> np.ndarray:

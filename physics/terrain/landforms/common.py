@@ -32,6 +32,14 @@ class Crests:
 
 
 @dataclass(frozen=True)
+class Walls:
+    """Steep walls of broken ice, about ``height_m`` high; ``key`` is that of the noise that breaks them."""
+
+    height_m: float
+    key: int
+
+
+@dataclass(frozen=True)
 class Landform:
     """A height field. ``heights(x_m, y_m, shortest_m)`` takes arrays that broadcast and gives metres.
 
@@ -41,6 +49,7 @@ class Landform:
     finest_m: float
     heights: Callable[[np.ndarray, np.ndarray, Any], np.ndarray]
     crests: Crests | None = None
+    walls: Walls | None = None
 
     def with_sharp_crests(self) -> Landform:
         """The landform for a mesh that has edges along its crests."""

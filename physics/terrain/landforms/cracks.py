@@ -17,7 +17,7 @@ import numpy as np
 
 from ....typed_settings import CracksSettings
 from ..noise.voronoi import voronoi
-from .common import Landform, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
+from .common import Landform, Walls, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
 
 #: Bending of the cracks, in plates, and its wavelength in plates.
 _BEND, _BEND_LENGTH = 0.06, 0.6
@@ -53,7 +53,8 @@ def make(settings: CracksSettings, random: np.random.Generator, size_m: float) -
         fallen = only_where(step < 1.0, lambda x, y: _fallen(x, y, keys[3:6]), x, y)
         return step * outside - depth * (1.0 - step) * (1.0 - fallen)
 
-    return Landform(half * (1.0 - _FOOT if broken else 1.0), heights)
+    return Landform(half * (1.0 - _FOOT if broken else 1.0), heights,
+                    walls=Walls(depth, keys[6]) if broken and depth else None)
 
 
 def _fallen(x: np.ndarray, y: np.ndarray, keys: Sequence[int]) -> np.ndarray:

@@ -35,7 +35,7 @@ def _turned(landform: Landform, azimuth_deg: float, size_m: float, n: int) -> tu
 
 
 def test_every_landform_is_off_until_it_is_asked_for():
-    assert [make(defaults()[topic], np.random.default_rng(0), 20.0) for topic, make in MAKERS.items()] == [None] * 6
+    assert [make(defaults()[topic], np.random.default_rng(0), 20.0) for topic, make in MAKERS.items()] == [None] * 7
 
 
 # --- penitentes -------------------------------------------------------------------------------------------------------
@@ -275,6 +275,36 @@ def test_hollows_have_the_stated_depth_and_number():
     # One hollow per square diameter; those whose point is in the wrong place lie at the edge of the grid.
     assert lowest.sum() == pytest.approx(30.0**2, rel=0.05)
     assert np.mean(inner[lowest] < -0.6 * 0.2 + 5e-3) > 0.97  # the shallowest is 0.6 as deep
+
+
+# --- pits ---------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize("coverage", [0.1, 0.4, 0.8])
+def test_pits_cover_their_share_of_the_ground(coverage):
+    """On 60 m squared, some 400 pits at 0.4: a share within 5 % by chance, and 3 % for the measured law of squares."""
+    heights, _ = _grid(_made("pits", depth_m=0.5, diameter_m=2.0, coverage=coverage), 60.0, 601)
+    assert np.mean(heights < 0.0) == pytest.approx(coverage, rel=0.1)
+
+
+def test_pits_have_flat_floors_at_one_depth_steep_walls_and_no_raised_rims():
+    heights, step = _grid(_made("pits", depth_m=0.5, diameter_m=2.0, coverage=0.3, wall_deg=60.0), 20.0, 2001)
+    assert heights.max() == 0.0
+    assert heights.min() == pytest.approx(-0.5)
+    inside = heights[heights < 0.0]
+    # Walls are 0.29 m wide: half the area of a pit of 1 m radius; blocks of the lag stand on the floor.
+    assert np.mean(inside == -0.5) > 0.2
+    assert np.mean(inside < -0.5 * 0.87) > 0.35
+    slope = np.hypot(*np.gradient(heights, step))
+    wall = (heights < -0.1) & (heights > -0.35)
+    # Bent walls are as much steeper and gentler as their lines are closer and wider apart.
+    assert np.degrees(np.arctan(np.median(slope[wall]))) == pytest.approx(60.0, abs=5.0)
+
+
+def test_pits_that_meet_share_one_floor_between_cusps():
+    """Pits grow sideways at one depth: where two overlap, nothing stands between them, however many overlap."""
+    few, many = (_grid(_made("pits", depth_m=0.5, diameter_m=2.0, coverage=share), 30.0, 601)[0]
+                 for share in (0.1, 0.7))
+    assert few.min() == many.min() == pytest.approx(-0.5)
 
 
 def test_hollows_can_be_long():

@@ -1,0 +1,220 @@
+"""Walls of broken ice: steep triangles cut smaller, and chips broken out of them that differ from top to bottom.
+
+A height field gives a wall one shape from rim to foot, so that it hangs like a curtain. Here the vertices of steep
+triangles are moved into the ice, along the ground's normal, by a depth that depends on their place in all three
+dimensions: shallow scoops that meet at edges, as brittle ice breaks (conchoidal fracture). Their size and depth are
+guesses from broken sea ice and glacier fronts; no image shows either moon at metres.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ...typed_settings import Settings
+from ..terrain.landforms import Walls
+from ..terrain.noise.lattice_noise import hash_lattice, to_uniform
+from .split_triangles import split_sides
+
+#: Vertical parts of the normals between which ground becomes a wall: slopes of 40 and 62 degrees.
+_GROUND, _WALL = math.cos(math.radians(40.0)), math.cos(math.radians(62.0))
+#: Widths of the scoops over the height of the wall, and their greatest depth over their width.
+_SCOOPS, _DEPTH = (0.5, 0.2, 0.08), 0.25
+#: Scoops: largest slope of a scoop's middle plane, and how much deeper it is there than one width away.
+_TILT, _BOWL = 0.35, 0.45
+#: Length of a side of a wall's triangle in pixels from which it is halved, and how often.
+_LONGEST_PX, _HALVED = 3.0, 5
+#: How often a wall is smoothed before it is broken.
+_SMOOTHED = 6
+#: Share of the largest number of vertices that the mesh has before walls are broken.
+BEFORE = 0.75
+#: Points worked on at a time.
+_BLOCK = 16384
+
+
+def breaks_walls(settings: Settings) -> bool:
+    """Whether the mesh of complete ``settings`` has walls that are broken where the cameras see them."""
+    cracks, chaos, pits, mesh = settings.cracks, settings.chaos, settings.pits, settings.mesh
+    walls = ((chaos.edges == "BROKEN" and chaos.relief_m > 0.0) or (cracks.edges == "BROKEN" and cracks.depth_m > 0.0)
+             or (pits.depth_m > 0.0 and pits.coverage > 0.0))
+    return bool(walls and mesh.walls == "BROKEN" and mesh.kind == "GRADED" and settings.source.kind == "PROCEDURAL")
+
+
+@dataclass(frozen=True)
+class Broken:
+    """A mesh with broken walls: positions (n, 3), triangles (m, 3) int32, and the triangle that each was part of (m,).
+
+    ``spacing_m`` (n,) are spacings of vertices on the map, those of added ones by the mean of two others.
+    """
+
+    positions: np.ndarray
+    faces: np.ndarray
+    of_face: np.ndarray
+    spacing_m: np.ndarray
+
+
+def scoops(points: np.ndarray, key: int) -> np.ndarray:
+    """Depth (n,) of scoops about 1 wide at points (n, 3), from 0 to about 1, continuous, with edges between scoops.
+
+    Each cell of a lattice has a point with a bowl, and the deepest of the bowls counts.
+    """
+    base = np.floor(points)
+    cell, zero = base.astype(np.int64), np.zeros(len(points), np.int64)
+    deepest = np.zeros(len(points))
+    for i, j, k in product((-1, 0, 1), repeat=3):
+        place = hash_lattice(cell[:, 0] + i, cell[:, 1] + j, key) ^ hash_lattice(cell[:, 2] + k, zero, key)
+        tilt = hash_lattice(place.astype(np.int64), zero, key)
+        off = [points[:, axis] - base[:, axis] - shift - _tenth_bits(place, axis)
+               for axis, shift in enumerate((i, j, k))]
+        bowl = to_uniform(hash_lattice(tilt.astype(np.int64), zero, key))
+        for axis, along in enumerate(off):
+            bowl += along * ((2.0 * _TILT) * (_tenth_bits(tilt, axis) - 0.5) - _BOWL * along)
+        np.maximum(deepest, bowl, out=deepest)
+    return deepest
+
+
+def _tenth_bits(h: np.ndarray, third: int) -> np.ndarray:
+    """Numbers in [0, 1) from ten bits of hashes."""
+    return np.asarray(((h >> np.uint32(10 * third)) & np.uint32(1023)) * (1.0 / 1024.0))
+
+
+def chip_depth_m(points: np.ndarray, walls: Walls, finest_m: np.ndarray) -> np.ndarray:
+    """How deep the chips of walls are at points (n, 3), in metres; those finer than ``finest_m`` (n,) are left out."""
+    total = np.zeros(len(points))
+    for octave, size in enumerate(_SCOOPS):
+        width = size * walls.height_m
+        share = np.clip(width / finest_m - 1.0, 0.0, 1.0)
+        some = np.flatnonzero(share)
+        for start in range(0, len(some), _BLOCK):
+            here = some[start:start + _BLOCK]
+            total[here] += share[here] * (_DEPTH * width) * scoops(points[here] / width, walls.key + octave)
+    return total
+
+
+def steepness(normals: np.ndarray) -> np.ndarray:
+    """0 to 1 (n,): how much of a wall ground with upward normals (n, 3) is, which need not be of unit length."""
+    up = normals[:, 2] / np.maximum(np.linalg.norm(normals, axis=1), 1e-30)
+    t = np.clip((_GROUND - up) / (_GROUND - _WALL), 0.0, 1.0)
+    return np.asarray(t * t * (3.0 - 2.0 * t))
+
+
+def face_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Normals (m, 3) of triangles, as long as twice their area."""
+    a, b, c = (positions[faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def break_walls(positions: np.ndarray, faces: np.ndarray, walls: Walls, spacing_m: np.ndarray, pixel_m: np.ndarray,
+                most: int) -> Broken:
+    """Break the walls of a mesh whose vertices are ``spacing_m`` (n,) apart on the map.
+
+    Pixels are ``pixel_m`` (n,) wide, and infinite where nothing is seen; walls are left there. Long sides of triangles
+    of walls are halved until they are short for the pixels or there would be more than ``most`` vertices. Vertices
+    where the mesh has a border, as beside triangles that were cut for fine relief, stay where they are.
+    """
+    free = np.isfinite(pixel_m)
+    free[_border(faces, free)] = False
+    seen_m = np.where(free, pixel_m, np.inf)
+    of_face = np.arange(len(faces))
+    positions = _smooth_walls(positions, faces, free)
+    for _ in range(_HALVED):
+        edges, sides, some = _long_sides(positions, faces, seen_m)
+        if not len(edges) or len(positions) + len(edges) > most:
+            break
+        middle = np.where(sides >= 0, len(positions) + sides, -1)
+        positions, seen_m, spacing_m = (np.concatenate([each, each[edges].mean(axis=1)])
+                                        for each in (positions, seen_m, spacing_m))
+        added, part_of = split_sides(faces[some], middle)
+        faces, of_face = (np.concatenate([np.delete(whole, some, axis=0), new.astype(whole.dtype)])
+                          for whole, new in ((faces, added), (of_face, of_face[some][part_of])))
+    return Broken(positions - _chips(positions, faces, walls, np.isfinite(seen_m)), faces, of_face, spacing_m)
+
+
+def _smooth_walls(positions: np.ndarray, faces: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Positions (n, 3) of the mesh with walls that are smooth over a few triangles, where vertices are ``free`` (n,).
+
+    Rims and feet run obliquely to the mesh, so its columns begin at distances of its period: flutes of the mesh.
+    """
+    near = faces[free[faces].any(axis=1)]
+    wall = _vertex_steepness(positions, near) * free
+    near = near[(wall > 0.0)[near].any(axis=1)]
+    number = np.maximum(2.0 * np.bincount(near.ravel(), minlength=len(positions)), 1.0)
+    positions = positions.copy()
+    some = np.flatnonzero(wall)
+    for _ in range(_SMOOTHED):
+        around = np.zeros((len(some), 3))
+        for axis in range(3):
+            at = positions[near, axis]
+            total = sum((np.bincount(near[:, k], at[:, (k + 1) % 3] + at[:, (k + 2) % 3], len(positions))
+                         for k in range(3)), start=np.zeros(len(positions)))
+            around[:, axis] = (total / number)[some]
+        positions[some] += (0.5 * wall[some])[:, None] * (around - positions[some])
+    return positions
+
+
+def _normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Sums (n, 3) of the normals of some triangles at each vertex."""
+    of_faces = face_normals(positions, faces)
+    return np.stack([sum((np.bincount(faces[:, k], of_faces[:, axis], len(positions)) for k in range(3)),
+                         start=np.zeros(len(positions))) for axis in range(3)], axis=1)
+
+
+def _vertex_steepness(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Steepness (n,) of the vertices of some triangles, 0 of all others."""
+    normals = _normals(positions, faces)
+    return steepness(normals) * (normals[:, 2] != 0.0)
+
+
+def _sides(faces: np.ndarray) -> np.ndarray:
+    """The sides (m, 3, 2) of triangles, each from the lower to the higher vertex."""
+    return np.sort(np.stack([faces[:, [k, (k + 1) % 3]] for k in range(3)], axis=1), axis=2).astype(np.int64)
+
+
+def _border(faces: np.ndarray, near: np.ndarray) -> np.ndarray:
+    """Vertices on sides that only one triangle has, among those ``near`` (n,)."""
+    sides = _sides(faces[near[faces].any(axis=1)]).reshape(-1, 2)
+    sides = sides[near[sides].any(axis=1)]  # of these, all triangles are here
+    keys, uses = np.unique(sides[:, 0] * len(near) + sides[:, 1], return_counts=True)
+    keys = keys[uses == 1]
+    return np.concatenate([keys // len(near), keys % len(near)])
+
+
+def _long_sides(positions: np.ndarray, faces: np.ndarray, seen_m: np.ndarray) -> tuple[np.ndarray, np.ndarray,
+                                                                                       np.ndarray]:
+    """Long sides (k, 2) of walls, which of them the sides of triangles are (c, 3) or -1, and these triangles (c,)."""
+    near = np.flatnonzero(np.isfinite(seen_m)[faces].any(axis=1))
+    wall = near[steepness(face_normals(positions, faces[near])) > 0.0]
+    sides = _sides(faces[wall]).reshape(-1, 2)
+    length = np.linalg.norm(positions[sides[:, 0]] - positions[sides[:, 1]], axis=1)
+    sides = sides[length > _LONGEST_PX * seen_m[sides].max(axis=1)]
+    many = len(positions)
+    keys = np.unique(sides[:, 0] * many + sides[:, 1])
+    touched = np.zeros(many, bool)
+    touched[sides] = True
+    some = near[touched[faces[near]].sum(axis=1) > 1]
+    their = _sides(faces[some])
+    wanted = their[..., 0] * many + their[..., 1]
+    place = np.minimum(np.searchsorted(keys, wanted), max(len(keys) - 1, 0))
+    which = np.where(keys[place] == wanted, place, -1) if len(keys) else np.full(wanted.shape, -1)
+    cut = (which >= 0).any(axis=1)
+    return np.stack([keys // many, keys % many], axis=1), which[cut], some[cut]
+
+
+def _chips(positions: np.ndarray, faces: np.ndarray, walls: Walls, free: np.ndarray) -> np.ndarray:
+    """By how much chips move each vertex of a mesh into the ice (n, 3), in metres; by nothing unless it is ``free``."""
+    near = faces[free[faces].any(axis=1)]
+    normals = _normals(positions, near)
+    length, number = np.zeros(len(positions)), np.zeros(len(positions))
+    for k in range(3):
+        side = np.linalg.norm(positions[near[:, k]] - positions[near[:, (k + 1) % 3]], axis=1)
+        length += np.bincount(near[:, k], side, len(positions))
+        number += np.bincount(near[:, k], minlength=len(positions))
+    wall, depth = steepness(normals), np.zeros((len(positions), 3))
+    here = np.flatnonzero((wall > 0.0) & free & (number > 0.0))
+    unit = normals[here] / np.linalg.norm(normals[here], axis=1, keepdims=True)
+    finest = 2.0 * length[here] / number[here]
+    depth[here] = unit * (wall[here] * chip_depth_m(positions[here], walls, finest))[:, None]
+    return depth

@@ -1,0 +1,73 @@
+"""Sublimation pits: flat floors at one depth within steep walls that retreat sideways, without raised rims.
+
+Ice that leaves as gas under a lag or over a harder layer takes such pits: they widen at one depth, so that neighbours
+grow together and cusps of walls stand between arcs. Known at other scales and of other ices: the circular pits in a
+layer of carbon dioxide ice about 8 m thick at Mars' south pole (Byrne and Ingersoll 2003, Science 299, 1051), whose
+walls retreat by metres a year (from memory: Malin et al. 2001, Science 294, 2146), and pits of kilometres in the
+nitrogen ice of Pluto (from memory: Moore et al. 2017, Icarus 287, 320). No image shows either moon at metres: that
+they have such pits, their depth, width and number are guesses.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from ....typed_settings import PitsSettings
+from ..noise.lattice_noise import hash_lattice, to_uniform
+from .common import Crests, Landform, Walls, draw_key, facets, wander
+
+#: Smallest and largest radius over the mean one; their mean square over the square of the mean.
+_SMALLEST, _LARGEST = 0.5, 1.5
+_MEAN_SQUARE = 1.0 + (_LARGEST - _SMALLEST) ** 2 / 12.0
+#: How much better than at random places pits cover the ground, of which there is one in each square: measured.
+_EVEN = 0.28
+#: Bending of the walls in mean radii, and its wavelengths in mean radii.
+_BEND, _BEND_LENGTHS = 0.22, (1.6, 0.55)
+#: Blocks of the lag on the floor: width in mean radii, height as a share of the depth.
+_LAG, _LAG_HEIGHT = 0.18, 0.12
+#: Slope of the sides of the blocks; how much of each is buried.
+_LAG_SIDE, _LAG_BURIED = 2.0, 0.35
+
+
+def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> Landform | None:
+    """Pits ``depth_m`` deep on a share ``coverage`` of the ground, from rim to rim."""
+    keys = [draw_key(random) for _ in range(5)]
+    depth, radius = settings.depth_m, settings.diameter_m / 2
+    if depth == 0.0 or settings.coverage == 0.0:
+        return None
+    # Discs at random places leave exp(-a) of the ground free, of a total area a; in squares, exp(-a - c a^2).
+    total = (math.sqrt(1.0 - 4.0 * _EVEN * math.log(1.0 - settings.coverage)) - 1.0) / (2.0 * _EVEN)
+    square = math.sqrt(math.pi * _MEAN_SQUARE / total) * radius
+    wall = depth / math.tan(math.radians(settings.wall_deg))
+
+    def inside_m(x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """Distance to the rim, positive in a pit; exact near the rims of round pits."""
+        x, y = np.broadcast_arrays(x_m, y_m)
+        for k, length in enumerate(_BEND_LENGTHS):
+            amount, u, v = _BEND * radius * length / _BEND_LENGTHS[0], x / (length * radius), y / (length * radius)
+            x, y = x + amount * wander(u, v, keys[0] ^ k), y + amount * wander(u, v, keys[1] ^ k)
+        u, v = x / square, y / square
+        column, row = (np.floor(a).astype(np.int64) for a in (u, v))
+        deepest = np.full(u.shape, -np.inf)
+        reach = math.ceil(_LARGEST * radius / square)
+        for i in range(-reach, reach + 1):
+            for j in range(-reach, reach + 1):
+                # Several random numbers from one hash: pits need few digits.
+                h = hash_lattice(column + i, row + j, keys[2])
+                east, north = (h & np.uint32(0xFFFF)) / 65536.0, (h >> np.uint32(16)) / 65536.0
+                wide = _SMALLEST + (_LARGEST - _SMALLEST) * to_uniform(hash_lattice(column + i, row + j, keys[3]))
+                away = square * np.hypot(column + i + east - u, row + j + north - v)
+                np.maximum(deepest, radius * wide - away, out=deepest)
+        return deepest
+
+    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+        down = np.clip(inside_m(x_m, y_m) / wall, 0.0, 1.0)
+        x, y = np.broadcast_arrays(x_m, y_m)
+        size = _LAG * radius
+        lag = np.maximum(facets(x / size, y / size, _LAG_SIDE, keys[4]) - _LAG_BURIED, 0.0)
+        return -depth * down * (1.0 - _LAG_HEIGHT * lag * down)
+
+    return Landform(wall, heights, Crests(inside_m, heights, settings.diameter_m), Walls(depth, keys[4]))
