@@ -77,7 +77,8 @@ def split_sides(faces: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.n
 
     Side k is that from corner k to the next; -1 for a side that is not cut. Each triangle has at least one cut.
     """
-    made, which = [], []
+    made: list[np.ndarray] = []
+    which: list[np.ndarray] = []
     number, index = (middle >= 0).sum(axis=1), np.arange(len(faces))
 
     def add(some: np.ndarray, *corners: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:

@@ -10,10 +10,11 @@ from icymoon.physics.terrain.landforms import Walls
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import changes
 from icymoon.settings.description import defaults, merged
+from icymoon.typed_settings import Parts
 
 WALLS = Walls(1.0, 7)
 #: Plates with steep sides before a small camera.
-PLATES = {"terrain": {"rms_slope_deg": 0.0}, "chaos": {"relief_m": 1.0, "plate_m": 3.0, "edges": "BROKEN"},
+PLATES: Parts = {"terrain": {"rms_slope_deg": 0.0}, "chaos": {"relief_m": 1.0, "plate_m": 3.0, "edges": "BROKEN"},
           "surface": {"grain_amplitude_m": 0.0}, "rig": {"width_px": 120, "height_px": 90},
           "mesh": {"error_px": 4.0, "farthest_m": 40.0, "most": 60_000}}
 
