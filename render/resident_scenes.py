@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
+from .. import compat, scene_properties
 from ..errors import IcyMoonError
 from ..nodes.scene import extra
 from ..settings.description import check, defaults, merged
@@ -64,7 +64,8 @@ class InThisProcess:
                                "icymoon.Worker, which starts another one.")
         if not hasattr(bpy.types.Scene, "icymoon"):
             scene_properties.register()
-            atexit.register(scene_properties.unregister)  # see ``register`` of the package
+            if compat.is_module():
+                atexit.register(scene_properties.unregister)  # see ``register`` of the package
         self._scenes = ResidentScenes()
 
     def render(self, settings: Settings, dataset: Path, again: bool, hear: Callable[[dict[str, Any]], None]

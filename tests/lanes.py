@@ -107,6 +107,7 @@ def real(which: str) -> str:
         environment = {**blender.environment, **installed.environment}
         start = [blender.executable, "-b", "--factory-startup", "--addons", ADD_ON, "--python-exit-code", "1"]
         finished(name, [*start, "--python", "tests/gui/smoke.py", "--", str(out)], STUCK_S, environment)
+        finished(name, [*start, "--python", "tests/gui/console.py", "--", f"{folder}/console"], STUCK_S, environment)
         failing = run([*start, "--python-expr", f"import bpy; bpy.context.scene.icymoon.dataset.folder = {folder!r}; "
                        "bpy.ops.icymoon.evaluate()"], STUCK_S, environment)
         assert failing.returncode == 1, f"evaluating nothing ends with status {failing.returncode}"
@@ -121,7 +122,8 @@ def real(which: str) -> str:
         assert "Traceback" not in failing.stdout, failing.stdout
         installed.uninstall()
         installed.remove()
-    return "installed, built, rendered, evaluated, uninstalled without a trace; failures have status 1"
+    return ("installed, built, rendered, evaluated, used as a library, uninstalled without a trace; failures have "
+            "status 1")
 
 
 def gui(which: str, *steps: str) -> str:

@@ -44,8 +44,17 @@ def find_versions() -> dict[str, str | None]:
             "torch": _installed_version("torch")}
 
 
+def is_in_blender() -> bool:
+    """Whether this process is a Blender program, in which the package OpenEXR crashes; Blender as a module is none."""
+    app = getattr(sys.modules.get("bpy"), "app", None)
+    return app is not None and not getattr(app, "module", not app.binary_path)
+
+
 def require(*modules: str) -> None:
     """Raise IcyMoonError with the fix unless all of ``modules`` load in this Python."""
+    if "OpenEXR" in modules and is_in_blender():
+        raise IcyMoonError("This needs OpenCV and OpenEXR, which crash inside Blender; press Evaluate in the sidebar, "
+                           "or run it in a Python of its own, such as python -m icymoon evaluate DATASET.")
     problems = [problem for _, problem in map(_import_package, modules) if problem]
     if problems:
         raise IcyMoonError(f"{sys.executable} lacks {', '.join(problems)}; {_install_advice()}")

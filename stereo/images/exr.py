@@ -4,7 +4,8 @@ Blender 4.x writes all passes into one part, as ``Truth.Depth.Z`` or, with the n
 ``Truth.Depth.left.Z``. Blender 5.x writes one part per pass, with the same channel names and the view in the header of
 the part. So a channel is found by its layer (first word), pass (second word) and component (last word).
 
-Where the OpenEXR package is missing, as in Blender, the files are decoded in numpy, with the same values.
+Where the OpenEXR package is missing, and in Blender, where it crashes, the files are decoded in numpy, with the same
+values.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from ...formats.exr_pixels import decode_parts
 from ...labels import BEAUTY, HIDDEN, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, SKY_DEPTH_M, TRUTH
 from ...render.pairs.pair_folder import EYES
 from ...scratch import scratch_folder
+from ..environment.packages import is_in_blender
 from .exr_passes import only_passes, without_passes
 
 #: Passes that tell the light groups apart, the objects, and the slope.
@@ -132,6 +134,8 @@ def _read_channels(path: Path, eye: str | None, passes: Collection[str] = (), wi
 def _read_parts(path: Path, passes: Collection[str], without: Collection[str]
                 ) -> list[tuple[str, dict[str, np.ndarray]]]:
     """Of each part of a file the view that it states, if any, and its channels by name."""
+    if is_in_blender():
+        return _decode(path, passes, without)
     try:
         import OpenEXR
     except ImportError:
