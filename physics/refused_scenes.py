@@ -167,9 +167,10 @@ def _lamp_reasons(settings: Settings) -> Iterator[Reason]:
         yield Reason(f"{key} ({light.sun_distance_m:g} m) puts a lamp in place of the Sun, without a date or a planet; "
                      "set light.directions_from to ANGLES and light.planet to false, or the distance to 0.",
                      key, "light.directions_from", "light.planet")
-    hapke = any(settings[topic]["model"] == "HAPKE" for topic in surface_topics(settings))
-    if hapke and settings.hapke.backend != "NODES":
-        yield Reason(f"{key} ({light.sun_distance_m:g} m): Hapke's law in OSL knows only a Sun that is far away; set "
+    models = {settings[topic]["model"] for topic in surface_topics(settings)}
+    backend = settings.hapke.backend
+    if ("HAPKE" in models and backend != "NODES") or ("SNOW" in models and backend == "OSL"):
+        yield Reason(f"{key} ({light.sun_distance_m:g} m): a law in OSL knows only a Sun that is far away; set "
                      "hapke.backend to NODES.", key, "hapke.backend")
 
 

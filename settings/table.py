@@ -579,7 +579,8 @@ HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface th
                      ("REFERENCE", "Reference", "Hapke's law for three interreflections, within 0.1 % in the mean and "
                       "1 % in shadows, but approximate where dirt or images vary the ice. Needs OSL and the CPU; your "
                       "own objects receive no sunlight from ice"))),
-    Setting("backend", "Shader", "AUTO", "How the law is implemented in Cycles", "material",
+    Setting("backend", "Shader", "AUTO", "How the law is implemented in Cycles. Snow (measured) is of "
+            "nodes unless this is OSL", "material",
             choices=(("AUTO", "Automatic", "OSL if it is available, otherwise nodes. Warns if this lowers the "
                       "accuracy"),
                      ("OSL", "OSL", "Open Shading Language. Build Scene refuses it without OSL and on the GPU"),

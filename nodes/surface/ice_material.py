@@ -209,16 +209,20 @@ def _add_law(material: bpy.types.Material, surface: SurfaceSettings, settings: S
     if settings is None:
         raise ValueError(f"{surface.model} depends on the direction of the Sun; pass the settings of the scene.")
     sun = Sun.from_settings(settings.light)
-    if surface.model == "SNOW":
-        return {"ALL": reflectance_laws.add_snow(ground, surface.albedo, sun)}
-    if surface.model != "HAPKE":
+    if surface.model not in ("HAPKE", "SNOW"):
         share = 1.0 if surface.model == "LOMMEL_SEELIGER" else surface.lommel_seeliger_share
         return {"ALL": reflectance_laws.add_lunar_lambert(ground, surface.albedo, share, sun)}
+    snow = surface.model == "SNOW"
+    if snow and settings.hapke.backend != "OSL":
+        return {"ALL": reflectance_laws.add_snow(ground, surface.albedo, sun)}
     use_osl, level, _ = reflectance_laws.choose_backend(settings.hapke, settings.quality.device)
     grains = reflectance_laws.Grains(from_settings(settings.hapke), darkest(surface))
     # The emission of a surface that traces the Sun is not a light source, and the law handles grazing bumps itself.
     material.cycles.emission_sampling = "NONE"
     material.cycles.use_bump_map_correction = False
+    if snow:
+        return {"CYCLES": reflectance_laws.add_snow_of_osl(ground, surface.albedo, sun, level),
+                "EEVEE": reflectance_laws.add_snow(ground, surface.albedo, sun)}
     if not use_osl:
         return {"ALL": reflectance_laws.add_hapke_of_nodes(ground, grains, sun)}
     return {"CYCLES": reflectance_laws.add_hapke_of_osl(ground, grains, sun, level),

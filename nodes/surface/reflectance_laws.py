@@ -91,10 +91,14 @@ def choose_backend(hapke: HapkeSettings, device: str) -> tuple[bool, str, str]:
     return False, level, f"Hapke's surface is built from nodes, because {why}." if asked == "AUTO" else ""
 
 
+def _uses(settings: Settings, model: str) -> bool:
+    topics = ["surface"] + (["rock_surface"] if settings.rocks.own_surface else [])
+    return any(settings[topic]["model"] == model for topic in topics)
+
+
 def uses_hapke(settings: Settings) -> bool:
     """Whether the ground or the rocks reflect by Hapke's law."""
-    topics = ["surface"] + (["rock_surface"] if settings.rocks.own_surface else [])
-    return any(settings[topic]["model"] == "HAPKE" for topic in topics)
+    return _uses(settings, "HAPKE")
 
 
 #: A part of the identity of scenes in which nodes replace OSL.
@@ -109,7 +113,9 @@ def osl_substitute(settings: Settings) -> str:
 
 
 def advice(settings: Settings) -> list[str]:
-    """Sentences of advice on a Hapke surface. Raises IcyMoonError if it cannot be built."""
+    """Sentences of advice on a Hapke surface. Raises IcyMoonError if it, or snow of OSL, cannot be built."""
+    if _uses(settings, "SNOW") and settings.hapke.backend == "OSL":
+        choose_backend(settings.hapke, settings.quality.device)
     if not uses_hapke(settings):
         return []
     model.from_settings(settings.hapke)
@@ -212,6 +218,27 @@ def add_snow(ground: Ground, albedo: float, sun: Sun) -> Any:
     return _add_lit_or_not(ground, mu0, lit, seen.exp())
 
 
+def add_snow_of_osl(ground: Ground, albedo: float, sun: Sun, level: str) -> Any:
+    """Shader socket of the same law in Open Shading Language."""
+    w = (Number(ground.tree, ground.grey) * albedo).at_most(1.0).value
+    return _add_script(ground, sun, level, {
+        "W": w, "Snow": 1, "TanTheta": 0.0, "K": 1.0, "HFunction": 2002,
+        **dict.fromkeys(("B", "C", "BS0", "HS", "BC0", "HC"), 0.0),
+        **{f"Albedo{k}": (0.0, 0.0, 0.0) for k in range(4)}}, "Snow")
+
+
+def _add_script(ground: Ground, sun: Sun, level: str, inputs: dict[str, Any], label: str) -> Any:
+    """Shader socket of ``hapke.osl`` with these inputs and those of the Sun and the scene."""
+    normal = ground.normal
+    if normal is None:
+        normal = ground.tree.node("ShaderNodeNewGeometry", "Sight").outputs["Normal"]
+    node = add_script_node(ground.tree, SCRIPT, {
+        "Tint": (1.0, 1.0, 1.0, 1.0) if ground.colour is None else ground.colour, "Level": LEVELS.index(level),
+        "Normal": normal, **sun_inputs(sun), **planet_inputs(None), **inputs})
+    node.label = label
+    return node.outputs[0]
+
+
 @lru_cache(maxsize=64)
 def _fit(q: model.HapkeParameters, darkest: float, slopes: tuple[float, float]) -> np.ndarray:
     """Coefficients of the hemispherical albedo, for θ̄ in ``slopes`` and for w times a factor from ``darkest`` to 1."""
@@ -277,13 +304,7 @@ def add_hapke_of_osl(ground: Ground, grains: Grains, sun: Sun, level: str) -> An
     """Shader socket of Hapke's law in Open Shading Language."""
     tree, q = ground.tree, grains.parameters
     known = _known(ground, q)
-    normal = ground.normal
-    if normal is None:
-        normal = tree.node("ShaderNodeNewGeometry", "Sight").outputs["Normal"]
     albedo = {f"Albedo{k}": _add_vector(tree, f"Albedo {k}", row) for k, row in enumerate(_white(ground, grains))}
-    return add_script_node(tree, SCRIPT, {
+    return _add_script(ground, sun, level, {
         "W": known.w.value, "B": q.b, "C": q.c, "BS0": q.b_s0, "HS": q.h_s, "BC0": q.b_c0, "HC": q.h_c,
-        "TanTheta": known.tan_theta.value, "K": known.k, "HFunction": int(q.h_function),
-        "Tint": (1.0, 1.0, 1.0, 1.0) if ground.colour is None else ground.colour,
-        "Level": LEVELS.index(level), "Normal": normal, **sun_inputs(sun), **planet_inputs(None), **albedo,
-    }).outputs[0]
+        "TanTheta": known.tan_theta.value, "K": known.k, "HFunction": int(q.h_function), "Snow": 0, **albedo}, SCRIPT)

@@ -57,7 +57,7 @@ def lack_for_quality(quality: QualitySettings, able: Abilities) -> str:
 def lack_for(settings: Settings, able: Abilities) -> str:
     """The same, for complete settings."""
     if not able.osl and settings.hapke.backend == "OSL" and any(
-            settings[topic]["model"] == "HAPKE" for topic in surface_topics(settings)):
+            settings[topic]["model"] in ("HAPKE", "SNOW") for topic in surface_topics(settings)):
         return ("This Blender was built without Open Shading Language; set hapke.backend to AUTO or use an official "
                 "build.")
     return lack_for_quality(settings.quality, able)

@@ -87,7 +87,8 @@ def test_a_lamp_near_the_ground_lights_each_point_from_its_own_side(tmp_path, su
 
 
 @pytest.mark.parametrize(("part", "word"), [
-    ({"light": {"planet": True}}, "without a date or a planet"), ({"surface": {"model": "HAPKE"}}, "to NODES")])
+    ({"light": {"planet": True}}, "without a date or a planet"), ({"surface": {"model": "HAPKE"}}, "to NODES"),
+    ({"surface": {"model": "SNOW"}, "hapke": {"backend": "OSL"}}, "to NODES")])
 def test_what_a_lamp_near_the_ground_cannot_light_is_refused(part, word):
     near = {"light": {"sun_distance_m": 2.0, **part.get("light", {})}}
     assert any(word in reason for reason in reasons_of_settings(complete(part, near)))

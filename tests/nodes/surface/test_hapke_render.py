@@ -186,11 +186,16 @@ def test_the_other_laws(tmp_path):
         assert np.quantile(errors(pair, photometry.lunar_lambert(0.4, share)), 0.999) < SMOOTH
 
 
+@pytest.mark.parametrize("made_of", ["AUTO", "NODES", "OSL", "OSL ACCURATE"])
 @pytest.mark.parametrize("case", [(0.9, 60.0), *slow((0.3, 20.0), (1.0, 4.0))])
-def test_the_snow_law(tmp_path, case):
+def test_the_snow_law(tmp_path, made_of, case):
     albedo, elevation_deg = case
-    pair, _ = picture(tmp_path, {"surface": {"model": "SNOW", "albedo": albedo},
-                                 "light": {"sun_elevation_deg": elevation_deg}})
+    backend, _, level = made_of.partition(" ")
+    pair, built = picture(tmp_path, {"surface": {"model": "SNOW", "albedo": albedo},
+                                     "hapke": {"backend": backend, "accuracy": level or "FAST"},
+                                     "light": {"sun_elevation_deg": elevation_deg}})
+    assert any(map(sun_inputs.is_osl, built.terrain.data.materials)) == (backend == "OSL")
+    assert pair.data["hapke"] is None
     # Exponentials of up to 16 in single precision, where the phase angle is large.
     assert np.quantile(errors(pair, snow.snow_law(albedo)), 0.999) < SMOOTH + 2e-6
 
@@ -286,9 +291,10 @@ def test_without_osl_and_on_a_gpu_nodes_are_taken_and_it_is_said(monkeypatch):
     assert any("without Open Shading Language" in warning for warning in built.warnings)
     assert not any(sun_inputs.is_osl(material) for material in built.materials)
     assert built.extra == scenes.extra(settings) != ""  # a pair of nodes is another than one of OSL
-    refused = complete({"surface": BARE, "hapke": {"backend": "OSL"}, "terrain": FLAT})
-    with pytest.raises(IcyMoonError, match=r"hapke\.backend"):
-        scenes.build(empty_scene(), refused)
+    for model in ("HAPKE", "SNOW"):
+        refused = complete({"surface": {**BARE, "model": model}, "hapke": {"backend": "OSL"}, "terrain": FLAT})
+        with pytest.raises(IcyMoonError, match=r"hapke\.backend"):
+            scenes.build(empty_scene(), refused)
     # Nobody is told of Hapke's law who does not use it.
     assert not scenes.build(empty_scene(), complete({"hapke": {"accuracy": "REFERENCE"}, "terrain": FLAT})).warnings
 

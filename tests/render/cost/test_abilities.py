@@ -57,6 +57,7 @@ def plan(tmp_path):
 @pytest.mark.parametrize(("part", "said"), [
     ({}, ""), (DENOISED, "OpenImageDenoise"), ({"quality": {"denoiser": "OIDN_COLOUR"}}, "OpenImageDenoise"),
     ({"quality": {"device": "GPU"}}, "graphics card"), (OSL, "Open Shading Language"),
+    ({"surface": {"model": "SNOW"}, "hapke": {"backend": "OSL"}}, "Open Shading Language"),
     ({"hapke": {"backend": "OSL"}}, ""), ({"surface": {"model": "HAPKE"}}, "")])
 def test_only_what_the_settings_ask_for_is_lacking(part, said):
     found = lack_for(scene(part), PLAIN)
