@@ -184,6 +184,10 @@ def _read_binary_table(path: Path, start: int, count: int, declared: tuple[tuple
     return {words[-1]: np.asarray(table[words[-1]]) for words in declared}
 
 
+#: A triangle in a binary file of ours.
+_FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
+
+
 def write_triangles(path: Path, vertices: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None = None,
                     comments: tuple[str, ...] = ()) -> None:
     """Write positions (n, 3), indices (m, 3) and normals (n, 3) of a mesh as a binary PLY file in single precision."""
@@ -196,11 +200,25 @@ def write_triangles(path: Path, vertices: np.ndarray, triangles: np.ndarray, nor
     write_atomically(path, write)
 
 
+def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (n, 3) and triangles (m, 3) of a file that ``write_triangles`` wrote. Raises ValueError for another."""
+    data = path.read_bytes()
+    start = data.find(b"end_header\n") + len(b"end_header\n")
+    lines = data[:start].decode("ascii", "replace").splitlines()
+    counts = [int(line.split()[2]) for line in lines if line.startswith("element ")]
+    width = sum(line.startswith("property float ") for line in lines)
+    if len(counts) != 2 or len(data) - start != 4 * width * counts[0] + _FACE.itemsize * counts[1]:
+        raise ValueError(f"{path} was not written by write_triangles")
+    vertices = np.frombuffer(data, "<f4", width * counts[0], start).reshape(-1, width)
+    faces = np.frombuffer(data, _FACE, counts[1], start + vertices.nbytes)
+    return vertices[:, :3], faces["corners"].copy()
+
+
 def encode_triangles(names: tuple[str, ...], vertices: np.ndarray, triangles: np.ndarray,
                      comments: tuple[str, ...] = ()) -> bytes:
     """A binary PLY file of vertices (n, k), whose k properties have these names, in single precision, and of indices
     (m, 3) of triangles."""
-    faces = np.empty(len(triangles), np.dtype([("count", "u1"), ("corners", "<i4", 3)]))
+    faces = np.empty(len(triangles), _FACE)
     faces["count"], faces["corners"] = 3, triangles
     header = ["ply", "format binary_little_endian 1.0", *(f"comment {each}" for each in comments),
               f"element vertex {len(vertices)}", *(f"property float {name}" for name in names),

@@ -15,7 +15,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..errors import IcyMoonError
+from ..files import write_atomically
+from ..formats.png import encode_png
 from ..render.pairs.pair_folder import Pair, is_complete, read_pair
 from ..render.plans.planned_pair import expand_headings
 from ..render.workers.job import Job, render_job
@@ -88,6 +92,15 @@ class Bench:
         if not all(is_complete(pair.folder(dataset)) for pair in planned):
             render_job(Job(dataset, pairs=planned), self.blender, self.say)
         return [read_pair(pair.folder(dataset)) for pair in planned]
+
+    def draw(self, name: str, picture: np.ndarray) -> None:
+        """Write a picture (H, W, 3), uint8, to ``pictures/<name>.png`` in the folder."""
+        data = encode_png(picture)
+
+        def write(part: Path) -> None:
+            part.write_bytes(data)
+
+        write_atomically(self.folder / "pictures" / f"{name}.png", write)
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..formats.ply import read_triangles, write_triangles
 from ..render.pairs.pair_folder import Pair
 from ..render.workers.process import clean_environment
 from ..settings.description import check, defaults, merged
@@ -21,8 +23,6 @@ from ..version import ROOT
 from .comparison import Bench, Comparison, Row
 
 _COLUMNS, _ROWS, _ACROSS = 160, 120, 8
-#: Light paths per pixel: of sunlight alone, which has no noise but at edges, and of all other light.
-_DIRECT_SAMPLES, _SAMPLES = 64, 256
 _DIRECT, _BOUNCED, _DEPTH, _EDGE_PX = 0.005, 0.01, 1e-5, 0.5
 #: Regions darker than this share of the mean are compared with it: their own light is noise.
 _FLOOR = 0.02
@@ -31,49 +31,50 @@ _LIMIT_S = 1800.0
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene of the comparison: what differs from the common settings, and how many bounces."""
+    """A scene of the comparison: what differs from the common settings, how many bounces, light paths per pixel.
+
+    ``flat`` is for the ground of the scene before as facets that share no vertex, so that both renderers shade it flat.
+    """
 
     name: str
     changes: Mapping[str, Mapping[str, Any]]
     bounces: int = 0
+    samples: int = 64
     why: str = ""
-
-    @property
-    def samples(self) -> int:
-        """Light paths per pixel."""
-        return _SAMPLES if self.bounces or "planet" in self.changes.get("light", {}) else _DIRECT_SAMPLES
+    flat: bool = False
 
 
 _LAMBERT = {"model": "LAMBERT", "albedo": 0.8}
 _HAPKE = {"model": "HAPKE"}
 _HORIZON = {"rig": {"pitch_deg": 12.0}, "light": {"sun_elevation_deg": 30.0, "sun_azimuth_deg": 250.0}}
-_TURNED_AWAY = ("Cause, for most of it: Mitsuba draws black where a shading normal turns away from a camera that sees "
-                "the facet; Cycles does not")
+_TURNED_AWAY = ("Cause, by the next scene: Mitsuba draws Lambert's law black where a shading normal turns away from a "
+                "camera that sees the facet; Cycles does not")
 _LOW = {"light": {"sun_elevation_deg": 20.0, "sun_azimuth_deg": 300.0}}
-_COARSE = ("Likely cause, for a part tested: facets of several pixels that turn from the Sun, where the smooth normal "
-           "still faces it, are lit in Cycles and black in Mitsuba")
-_EDGE = ("Likely cause: the edge of the horizon is a tenth of a pixel apart, in regions with four rows of ground; the "
-         "filters of both differ")
-_SHADOW_EDGE = "Likely cause: the edge of a deep shadow is a tenth of a pixel apart, in regions that it crosses"
+_COARSE = ("Cause, by the next scene: shading normals. The renderers differ on facets that turn from the Sun or from "
+           "the camera where the smooth normal does not, and here facets are several pixels wide")
+_STEEP = {"rms_slope_deg": 25.0}
+_DEFAULT: Mapping[str, Mapping[str, Any]] = {
+    "surface": _LAMBERT, "terrain": {**_STEEP, "inner_scale_m": 0.02},
+    "mesh": {"edge_px": 8.0, "error_px": 1.0}, **_LOW}
 SCENES = (
     Scene("low Sun", {"surface": _LAMBERT, "light": {"sun_elevation_deg": 8.0, "sun_azimuth_deg": 230.0}}),
-    Scene("grazing view to the horizon", {"surface": _LAMBERT, **_HORIZON}, why=_TURNED_AWAY),
-    Scene("the same, Hapke by OSL", {"surface": _HAPKE, "hapke": {"backend": "OSL"}, **_HORIZON}, why=_EDGE),
-    Scene("the same, Hapke by nodes", {"surface": _HAPKE, "hapke": {"backend": "NODES"}, **_HORIZON}, why=_EDGE),
+    Scene("grazing view to the horizon", {"surface": _LAMBERT, **_HORIZON}, samples=256, why=_TURNED_AWAY),
+    Scene("the same with flat facets", {"surface": _LAMBERT, **_HORIZON}, samples=256, flat=True),
+    Scene("grazing view, Hapke by OSL", {"surface": _HAPKE, "hapke": {"backend": "OSL"}, **_HORIZON}, samples=256),
+    Scene("grazing view, Hapke by nodes", {"surface": _HAPKE, "hapke": {"backend": "NODES"}, **_HORIZON}, samples=256),
     Scene("Saturn's light alone", {"surface": _LAMBERT, "light": {
         "sun_elevation_deg": -20.0, "sun_azimuth_deg": 200.0, "planet": True, "planet_elevation_deg": 40.0,
-        "planet_azimuth_deg": 250.0, "planet_flattening": 0.098}},
-        why="Likely cause: noise, which is 0.2 % of a region here"),
-    Scene("deep shadow, three bounces", {
-        "surface": _LAMBERT, "terrain": {"rms_slope_deg": 25.0}, **_LOW}, bounces=3, why=_SHADOW_EDGE),
-    Scene("the same on the default mesh", {
-        "surface": _LAMBERT, "terrain": {"rms_slope_deg": 25.0, "inner_scale_m": 0.02},
-        "mesh": {"edge_px": 8.0, "error_px": 1.0}, **_LOW}, bounces=3, why=_COARSE),
+        "planet_azimuth_deg": 250.0, "planet_flattening": 0.098}}, samples=1024),
+    Scene("deep shadow, three bounces", {"surface": _LAMBERT, "terrain": _STEEP, **_LOW}, bounces=3, samples=1024),
+    Scene("deep shadow on the default mesh", _DEFAULT, bounces=3, samples=256, why=_COARSE),
+    Scene("the default mesh with flat facets", _DEFAULT, bounces=3, samples=1024, flat=True),
     Scene("opposition, Hapke", {"surface": _HAPKE, "hapke": {"backend": "OSL"}, "light": {
         "sun_elevation_deg": 40.0, "sun_azimuth_deg": 180.0}}),
     Scene("rocks, three bounces", {"surface": _LAMBERT, "rocks": {"coverage": 0.15}, "light": {
-        "sun_elevation_deg": 35.0, "sun_azimuth_deg": 240.0}}, bounces=3),
+        "sun_elevation_deg": 35.0, "sun_azimuth_deg": 240.0}}, bounces=3, samples=256),
 )
+#: Scenes whose only difference is how Hapke's law is made.
+_OSL, _NODES = "grazing view, Hapke by OSL", "grazing view, Hapke by nodes"
 
 
 def describe_scene(scene: Scene) -> Settings:
@@ -85,6 +86,23 @@ def describe_scene(scene: Scene) -> Settings:
               "quality": {"samples": scene.samples, "denoiser": "NONE", "noise_threshold": 0.0,
                           "diffuse_bounces": scene.bounces}}
     return merged(defaults(), check(common, "second renderer"), check(dict(scene.changes), scene.name))
+
+
+def write_facets(mesh: Path, target: Path) -> None:
+    """Write a mesh of an export again with three vertices of its own for each triangle, so that nothing smooths it.
+
+    Triangles are larger by a thousandth: vertices in one place would be merged, and gaps would let light through.
+    """
+    vertices, triangles = read_triangles(mesh)
+    corners = vertices[triangles].astype(np.float64)
+    middle = corners.mean(axis=1, keepdims=True)
+    write_triangles(target, (middle + 1.001 * (corners - middle)).reshape(-1, 3),
+                    np.arange(triangles.size).reshape(-1, 3))
+
+
+def _describe_facets(scene: Scene, mesh: Path) -> Settings:
+    return merged(describe_scene(scene), check({"source": {
+        "kind": "MESH", "file": str(mesh.absolute()), "centre": False, "up_axis": "Z"}}, scene.name))
 
 
 def _render_in_mitsuba(folder: Path, samples: int) -> tuple[np.ndarray, np.ndarray]:
@@ -120,25 +138,37 @@ def edge_shift_px(one: np.ndarray, other: np.ndarray) -> float:
     return float(np.count_nonzero(one != other) / length) if length else 0.0
 
 
-def _rows(scene: Scene, pair: Pair, folder: Path) -> list[Row]:
-    from ..stereo.images.exr import read_view  # which needs OpenEXR
+def draw_twins(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
+    """A picture (H, 3 W, 3), uint8: both images, and ours over theirs: grey where equal, red where 10 % more.
+    """
+    white = max(float(np.quantile(theirs, 0.99)), 1e-30)
+    shown = [np.repeat(np.clip(image / white, 0, 1)[..., None] ** (1 / 2.2), 3, axis=-1) for image in (ours, theirs)]
+    apart = np.clip((ours - theirs) / np.maximum(theirs, _FLOOR * theirs.mean()) / 0.1, -1, 1)[..., None]
+    colour = 0.5 + 0.5 * np.abs(apart) * np.where(apart > 0, (1.0, -1.0, -1.0), (-1.0, -1.0, 1.0))
+    return np.asarray(np.round(255 * np.concatenate([*shown, colour], axis=1)), np.uint8)
 
-    view = read_view(pair.image("left"))
-    ours, (theirs, depth) = view.radiance[..., 0].astype(np.float64), _render_in_mitsuba(folder, scene.samples)
+
+def _difference(ours: np.ndarray, theirs: np.ndarray) -> tuple[float, float, str]:
+    """Of the regions of two images: RMS and largest relative difference, and where it is."""
     here, there = region_means(ours), region_means(theirs)
     difference = (here - there) / np.maximum(there, _FLOOR * there.mean())
     worst = np.unravel_index(np.argmax(np.abs(difference)), difference.shape)
-    both = ~np.isnan(view.depth) & ~np.isnan(depth)
-    apart = np.abs(view.depth[both] / depth[both] - 1)
+    return (float(np.sqrt(np.mean(difference ** 2))), float(difference[worst]),
+            f"largest difference of 64 regions, row {worst[0] + 1}, column {worst[1] + 1}")
+
+
+def _rows(scene: Scene, ours: np.ndarray, seen: np.ndarray, theirs: np.ndarray, depth: np.ndarray) -> list[Row]:
+    """Rows of a scene from radiance and depth (H, W) of Cycles and of Mitsuba."""
+    rms, largest, where = _difference(ours, theirs)
+    both = ~np.isnan(seen) & ~np.isnan(depth)
+    apart = np.abs(seen[both] / depth[both] - 1)
     dark = 0.25 * float(np.median(theirs[theirs > 0]))
     allowed = _BOUNCED if scene.bounces else _DIRECT
     source = f"Mitsuba 3, {scene.samples} samples, the exported scene"
     found = [Row(f"{scene.name}: mean radiance over Mitsuba's", float(ours.sum() / theirs.sum()), 1.0, allowed, source,
                  why=scene.why),
-             Row(f"{scene.name}: RMS of 64 regions", float(np.sqrt(np.mean(difference ** 2))), 0.0, allowed, source,
-                 why=scene.why),
-             Row(f"{scene.name}: largest difference of 64 regions, row {worst[0] + 1}, column {worst[1] + 1}",
-                 float(difference[worst]), 0.0, allowed, source, why=scene.why),
+             Row(f"{scene.name}: RMS of 64 regions", rms, 0.0, allowed, source, why=scene.why),
+             Row(f"{scene.name}: {where}", largest, 0.0, allowed, source, why=scene.why),
              Row(f"{scene.name}: depth, relative, 99 % of the pixels", float(np.quantile(apart, 0.99)), 0.0, _DEPTH,
                  source)]
     if not scene.bounces and "planet" not in scene.changes.get("light", {}):
@@ -147,28 +177,55 @@ def _rows(scene: Scene, pair: Pair, folder: Path) -> list[Row]:
     return found
 
 
-def _compare(bench: Bench) -> list[Row]:
+def _backend_rows(radiance: Mapping[str, np.ndarray]) -> list[Row]:
+    _, largest, where = _difference(radiance[_OSL], radiance[_NODES])
+    return [Row(f"grazing view, Hapke by OSL beside nodes: {where}", largest, 0.0, _BOUNCED, "nodes, in Cycles too")]
+
+
+def _export_all(bench: Bench) -> Iterator[tuple[Scene, Pair, Path]]:
+    """Scenes with their pairs and exports, in order."""
     from ..stereo.export.mitsuba import export_mitsuba  # which needs OpenCV
 
+    smooth = [scene for scene in SCENES if not scene.flat]
+    pairs = bench.render([describe_scene(scene) for scene in smooth])
+    folders = export_mitsuba(pairs, bench.folder / "mitsuba", bench.blender, bench.say)
+    done = {scene.name: (pair, folder) for scene, pair, folder in zip(smooth, pairs, folders, strict=True)}
+    described: list[Settings] = []
+    for before, scene in pairwise(SCENES):
+        if scene.flat:
+            mesh = bench.folder / f"facets_{len(described)}.ply"
+            write_facets(done[before.name][1] / "terrain.ply", mesh)
+            described.append(_describe_facets(scene, mesh))
+    pairs = bench.render(described)
+    folders = export_mitsuba(pairs, bench.folder / "mitsuba", bench.blender, bench.say)
+    flat = iter(zip(pairs, folders, strict=True))
+    for scene in SCENES:
+        yield scene, *(next(flat) if scene.flat else done[scene.name])
+
+
+def _compare(bench: Bench) -> list[Row]:
     if importlib.util.find_spec("mitsuba") is None:
         raise IcyMoonError("Mitsuba is not installed; run pip install 'icymoon[validate]'.")
-    pairs = bench.render([describe_scene(scene) for scene in SCENES])
-    folders = export_mitsuba(pairs, bench.folder / "mitsuba", bench.blender, bench.say)
-    return [row for scene, pair, folder in zip(SCENES, pairs, folders, strict=True)
-            for row in _rows(scene, pair, folder)]
+    from ..stereo.images.exr import read_view  # which needs OpenEXR
+
+    rows, radiance = [], {}
+    for number, (scene, pair, folder) in enumerate(_export_all(bench), 1):
+        view = read_view(pair.image("left"))
+        radiance[scene.name] = view.radiance[..., 0].astype(np.float64)
+        theirs, depth = _render_in_mitsuba(folder, scene.samples)
+        rows += _rows(scene, radiance[scene.name], view.depth, theirs, depth)
+        bench.draw(f"{number:02d}", draw_twins(radiance[scene.name], theirs))
+    return [*rows, *_backend_rows(radiance)]
 
 
 COMPARISON = Comparison(
     "mitsuba", "A second renderer",
     "Scenes rendered in Cycles and, from the export `--format mitsuba`, in Mitsuba 3 (`pip install "
     "'icymoon[validate]'`): the same meshes, camera, Sun's disc and planet, other code for everything else. Radiance "
-    "is compared in 64 regions of the left image; regions darker than 2 % of the mean are compared with that. Both "
-    "images have noise, about 0.1 % of a region in sunlight and 0.5 % with three bounces. Hapke's law is our own "
-    "there, so its scenes compare geometry and light, not the formula. Triangles are as fine as pixels and "
-    "the ground is smooth at their size, but in one scene. Mesh, pitch and smallest feature were chosen so "
-    "after a first run, in which regions with coarse facets differed by up to 14 %. The scene \"the same on "
-    "the default mesh\", which has the default's smallest feature too on ground steeper than the default's, "
-    "shows what to expect of such meshes. Two causes were tested, by rays that find the direct sunlight on "
-    "such facets (48 a pixel). In the grazing view 0.4 % RMS and 2 % in a region are left without them, on "
-    "the default mesh 2.6 % RMS and 8 % in a region, whose cause is not known. Other causes were not tested.",
+    "is compared in 64 regions of the left image; regions darker than 2 % of the mean are compared with that. "
+    "Pictures of both and of their ratio are written into `pictures`. Hapke's law is our own there, so its scenes "
+    "compare geometry and light, not the formula. Triangles are as fine as pixels and the ground is smooth at their "
+    "size, but for the scenes on the default mesh, whose ground also has the default's smallest feature and is steeper "
+    "than the default's. Scenes with flat facets have the ground of the scene before, with vertices of its own for "
+    "each triangle: they show what the shading normals of smooth ground do.",
     _compare, quick=False)
