@@ -144,11 +144,31 @@ def otherwise() -> None:
             ("pits", "depth_m", 0.2), ("mantle", "thickness_m", 0.1),
             ("surface", "model", "PRINCIPLED"), ("surface", "subsurface_weight", 0.5),
             ("surface", "grain_amplitude_m", 0.01), ("surface", "salt_share", 0.2),
-            ("surface", "albedo_variation", 0.2), ("textures", "set", "OWN"), ("rocks", "law", "POWER"),
+            ("surface", "albedo_variation", 0.2), ("surface", "bubble_share", 0.02), ("surface", "frost_share", 0.3),
+            ("surface", "crust_share", 0.2), ("surface", "glint_share", 0.03), ("textures", "set", "OWN"),
+            ("rocks", "law", "POWER"), ("sensor", "colour", "BAYER"),
             ("rocks", "clustering", 0.5), ("light", "directions_from", "KERNELS"), ("light", "planet", True),
             ("light", "stars", True), ("sensor", "auto_exposure", False), ("sensor", "brackets", 3),
             ("sensor", "radiation_flux_cm2_s", 1.0e4), ("rig", "motion_exposure_s", 0.01)):
         setattr(getattr(group, topic), key, value)
+
+
+def stand_ins() -> None:
+    """Ground and textures that stand in for the paper's, as in a narrow sidebar."""
+    settings().source.kind, settings().textures.set = "STAND_IN", "STAND_IN"
+
+
+def make_narrow(px: int) -> Waiting:
+    """Drag the left edge of the sidebar, so that it is narrower."""
+    sidebar = region("UI")
+    y = sidebar.y + sidebar.height / 2
+    yield from to(sidebar.x, y)
+    person.xdotool("mousedown", 1)
+    for k in range(1, 11):
+        person.point(sidebar.x + px * k / 10, y)
+        yield TICK_S
+    person.xdotool("mouseup", 1)
+    yield 15 * TICK_S
 
 
 def rendering() -> Waiting:
@@ -243,6 +263,10 @@ def walk() -> Waiting:
         yield from in_both_themes(state.__name__, sheet)
         if state is built:
             yield from at_double_size(state.__name__)
+    stand_ins()
+    yield from make_narrow(70)
+    yield from sheet("narrow_stand_ins")
+    yield from make_narrow(-70)
     yield from rendering()
     yield from in_both_themes("rendering", picture)
     yield from cancelled()
