@@ -48,6 +48,8 @@ PLAN = "plan.toml"
 _PICTURES, _DIALOG_LINE = 24, 60
 #: Values of a setting that the panel shows.
 _SHOWN = 12
+#: Characters that a line of the list has room for.
+_LIST_LINE = 29
 #: Pairs that the estimate takes the mean of.
 _SAMPLE = 16
 #: Pairs of a plan up to which its ids are compared with those of a data set that is there: it takes a second.
@@ -177,7 +179,8 @@ def title_of_varied(varied: VariedSetting) -> str:
         return label_of(varied.name)[:40]
     if setting.kind in ("bool", "choice"):
         labels = {choice[0]: choice[1] for choice in setting.choices}
-        return f"{label_of(varied.name)}: {', '.join(labels[v] for v in varied.values) if labels else 'off, on'}"
+        title = f"{label_of(varied.name)}: {', '.join(labels[v] for v in varied.values) if labels else 'off, on'}"
+        return title if len(title) <= _LIST_LINE else f"{label_of(varied.name)}: {len(varied.values)} values"
     count = len(list_values(varied)) if varied.spacing != "RANDOM" else varied.count
     unit = unit_of(varied.name)
     return (f"{label_of(varied.name)}: {varied.first:.4g} to {varied.last:.4g}"

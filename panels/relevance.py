@@ -56,6 +56,7 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
     if topic in ("surface", "rock_surface"):
         models = {"snow_grain_m": group.ice_colour == "SNOW",
                   **dict.fromkeys(("salt_red", "salt_green", "salt_blue"), group.salt == "OWN"),
+                  "patch_raggedness": group.model == "PRINCIPLED" or group.dirt != "BLACK",
                   "albedo": group.model != "HAPKE", "lommel_seeliger_share": group.model == "LUNAR_LAMBERT"}
         return models.get(key, key not in _PRINCIPLED_ONLY or group.model == "PRINCIPLED")
     if topic == "sensor":

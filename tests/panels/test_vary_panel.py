@@ -41,7 +41,8 @@ def test_the_selected_setting_is_drawn_with_its_unit(scene):
 
 @pytest.mark.parametrize(("name", "line"), [
     ("quality.samples", "Samples: 16 to 64 samples, 5"), ("light.planet", "Planet: off, on"),
-    ("textures.mapping", "Mapping: By Position, By UV"), ("rig.baseline_m", "Baseline: 0.125 to 0.5 m, 5")])
+    ("mesh.crests", "Crests: Rounded, "), ("textures.mapping", "Mapping: 3 values"),
+    ("surface.model", "Model: 6 values"), ("rig.baseline_m", "Baseline: 0.125 to 0.5 m, 5")])
 def test_a_line_of_the_list_has_the_values(scene, name, line):
     bpy.ops.icymoon.vary(setting=name)
     assert line in texts(drawn(vary.ICYMOON_PT_vary))
