@@ -160,12 +160,11 @@ def stand_ins() -> None:
 
 def make_narrow(px: int) -> Waiting:
     """Drag the left edge of the sidebar, so that it is narrower."""
-    sidebar = region("UI")
-    y = sidebar.y + sidebar.height / 2
-    yield from to(sidebar.x, y)
+    x, y = region("UI").x, region("UI").y + region("UI").height / 2
+    yield from to(x, y)
     person.xdotool("mousedown", 1)
     for k in range(1, 11):
-        person.point(sidebar.x + px * k / 10, y)
+        person.point(x + px * k / 10, y)
         yield TICK_S
     person.xdotool("mouseup", 1)
     yield 15 * TICK_S
