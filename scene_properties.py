@@ -17,6 +17,7 @@ from .physics.surfaces import principled
 from .render.plans.vary_scene import COMBINATIONS, SPACINGS, SceneVariations, VariedSetting
 from .settings.announcements import COLOURS, announce, batch_changes, count_changes, make_update
 from .settings.description import canonical, check
+from .settings.landform_releases import refuse_missing, with_releases
 from .settings.mirrors import make_mirror
 from .settings.table import EFFECTS, TOPICS, Setting, Value, all_settings
 from .typed_settings import Settings, typed
@@ -232,8 +233,8 @@ def read_for_display(group: Any) -> Settings:
 
 def read_unchecked(group: Any) -> Settings:
     """The complete settings without a check: to show them, not to pass them to a process."""
-    return typed({topic: {s.key: _read_property(s, getattr(getattr(group, topic), s.key))
-                          for s in TOPICS[topic].settings} for topic in TOPICS})
+    return with_releases(typed({topic: {s.key: _read_property(s, getattr(getattr(group, topic), s.key))
+                                        for s in TOPICS[topic].settings} for topic in TOPICS}))
 
 
 def _read_property(setting: Setting, value: Any) -> Value:
@@ -243,7 +244,11 @@ def _read_property(setting: Setting, value: Any) -> Value:
 
 
 def write_settings(group: Any, settings: Mapping[str, Mapping[str, Value]]) -> None:
-    """Write checked settings, all or some, into a ``Scene.icymoon`` property group."""
+    """Write checked settings, all or some, into a ``Scene.icymoon`` property group.
+
+    Raises IcyMoonError if they have a landform of a plug-in that this Blender does not have.
+    """
+    refuse_missing(settings, "These settings")
     with batch_changes():
         for topic, values in settings.items():
             for key, value in values.items():

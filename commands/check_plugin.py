@@ -6,8 +6,9 @@ import argparse
 from collections.abc import Callable, Collection, Iterator
 
 from ..errors import IcyMoonError
+from ..physics.terrain.landforms.check_plugin import check_landform
 from ..plugins.check import Check, check_package
-from ..plugins.installed import GROUPS, Found, Plugin
+from ..plugins.installed import GROUPS, Found, Plugin, find
 from ..stereo.environment import packages
 from ..suggestions import nearest
 
@@ -26,12 +27,16 @@ def find_all() -> dict[str, Found]:
     from ..stereo.export import plug_in as exports
     from ..stereo.measure import plug_in as metrics
 
-    return {"matcher": matchers.find_plugins(), "metric": metrics.find_plugins(), "export": exports.find_plugins()}
+    return {"matcher": matchers.find_plugins(), "landform": find("landform", ()), "metric": metrics.find_plugins(),
+            "export": exports.find_plugins()}
 
 
 def checks_of(plugin: Plugin) -> Iterator[Check]:
     """All checks of a plug-in, until one fails without which the others mean nothing."""
     yield from check_package(plugin)
+    if plugin.kind == "landform":
+        yield from check_landform(plugin)
+        return
     from ..stereo.plugin_checks import check_export, check_matcher, check_metric
 
     special: dict[str, Callable[[Plugin], Iterator[Check]]] = {

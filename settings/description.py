@@ -19,10 +19,12 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..plugins.landforms import PREFIX, missing_landform
 from ..suggestions import nearest
 from ..typed_settings import Parts, Settings, typed, typed_table
 from ..version import is_newer, version
 from . import pair_ids, trust_boundary
+from .landform_releases import check_release, kept_of_missing, with_releases
 from .table import TOPICS, Setting, Value
 
 #: Similarity from which an error suggests a known word for an unknown one, see ``suggestions.nearest``.
@@ -116,7 +118,7 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
     the user may set (see ``trust_boundary``).
     """
     checked: dict[str, dict[str, Any]] = {}
-    for topic, key, value in _stated(data, where):
+    for topic, key, value in _stated(data, where, stored):
         name = pair_ids.present_name(f"{topic}.{key}")
         if name in pair_ids.SCHEMA["gone"]:
             if stored:
@@ -128,13 +130,22 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
         setting = _setting(name, where)
         with suppress(IcyMoonError) if stored and setting.effect == "run" else nullcontext():
             checked.setdefault(name.partition(".")[0], {})[setting.key] = _checked(setting, value, name, where, stored)
-    return typed(checked)
+    for topic, values in data.items():
+        if topic.startswith(PREFIX) and topic not in TOPICS and (kept := kept_of_missing(topic, values, where)):
+            checked[topic] = kept
+        elif topic in TOPICS and TOPICS[topic].plugin and not stored:
+            check_release(topic, values, where)
+    return with_releases(typed(checked))
 
 
-def _stated(data: Mapping[str, Any], where: str) -> Iterator[tuple[str, str, Any]]:
-    """(topic, key, value) of everything in a description."""
+def _stated(data: Mapping[str, Any], where: str, stored: bool) -> Iterator[tuple[str, str, Any]]:
+    """(topic, key, value) of everything in a description, but for stored landforms that are not installed here."""
     former = {name.partition(".")[0] for name in (*pair_ids.SCHEMA["renamed"], *pair_ids.SCHEMA["gone"])}
     for topic, values in data.items():
+        if topic.startswith(PREFIX) and topic not in TOPICS:
+            if not isinstance(values, Mapping) or not stored:
+                raise IcyMoonError(f"{where}: {missing_landform(topic, '')}")
+            continue
         if topic not in TOPICS and topic not in former:
             raise IcyMoonError(f"{where}: unknown topic [{topic}], {nearest(topic, TOPICS, MIN_SIMILARITY)}")
         if not isinstance(values, Mapping):
@@ -186,7 +197,7 @@ def merged(*parts: Parts) -> Settings:
     for part in parts:
         for topic, values in part.items():
             result.setdefault(topic, typed_table(topic, {})).update(typed_table(topic, values))
-    return result
+    return with_releases(result)
 
 
 def changed(settings: Mapping[str, Mapping[str, Value]], base: Mapping[str, Mapping[str, Value]]) -> Settings:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ..files import read_text, write_text
-from .table import TOPICS, Setting, Topic
+from .table import OUR_TOPICS, Setting, Topic
 
 PATH = Path(__file__).resolve().parents[1] / "typed_settings.py"
 OVERRIDES = Path(__file__).resolve().parent / "overrides.py"
@@ -34,26 +34,26 @@ def _camel_case(key: str) -> str:
 def made() -> str:
     """The text of the file below the mark."""
     classes = []
-    for topic in TOPICS.values():
+    for topic in OUR_TOPICS.values():
         classes += [_class(entry_name(topic.key, s.key), topic.key, f"An entry of ``{topic.key}.{s.key}``.", s.entries)
                     for s in topic.settings if s.entries]
         classes.append(_topic(topic))
     lists = {topic.key: {s.key: entry_name(topic.key, s.key) for s in topic.settings if s.entries}
-             for topic in TOPICS.values()}
-    tables = [f"    {_quoted(key)}: {class_name(key)},\n" for key in TOPICS]
+             for topic in OUR_TOPICS.values()}
+    tables = [f"    {_quoted(key)}: {class_name(key)},\n" for key in OUR_TOPICS]
     entries = [f"    {_quoted(topic)}: {{{', '.join(f'{_quoted(key)}: {name}' for key, name in named.items())}}},\n"
                for topic, named in lists.items() if named]
     return "".join([
         *(f"\n\n{text}" for text in classes), "\n\nclass Settings(Table):\n",
         '    """All settings of a scene."""\n\n    __slots__ = ()\n',
-        *(f"    {key}: {class_name(key)}\n" for key in TOPICS),
+        *(f"    {key}: {class_name(key)}\n" for key in OUR_TOPICS),
         "\n\nTABLES: dict[str, type[Table]] = {\n", *tables,
         "}\nENTRIES: dict[str, dict[str, type[Table]]] = {\n", *entries, "}\n"])
 
 
 def _topic(topic: Topic) -> str:
     """The class of a topic, derived from the class of an earlier topic if that has the same settings."""
-    for other in TOPICS.values():
+    for other in OUR_TOPICS.values():
         if other is topic:
             break
         if other.settings is topic.settings:
@@ -97,7 +97,7 @@ def override_name(topic: str) -> str:
 def made_overrides() -> str:
     """The text of ``settings/overrides.py`` below the mark."""
     classes = []
-    for topic in TOPICS.values():
+    for topic in OUR_TOPICS.values():
         parts = {f"{entry_name(topic.key, s.key)}Overrides": s.entries for s in topic.settings if s.entries}
         for name, settings in {**parts, override_name(topic.key): topic.settings}.items():
             lines = (_attribute(topic.key, s) if s.kind != "list" else
@@ -106,7 +106,7 @@ def made_overrides() -> str:
                            + "".join(lines))
     return "".join([*(f"\n\n{text}" for text in classes), "\n\nclass Overrides(TypedDict, total=False):\n",
                     '    """Changes of some settings of a scene, by topic."""\n\n',
-                    *(f"    {key}: {override_name(key)}\n" for key in TOPICS)])
+                    *(f"    {key}: {override_name(key)}\n" for key in OUR_TOPICS)])
 
 
 def complete(text: str, below: str) -> str:

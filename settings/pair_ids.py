@@ -16,6 +16,7 @@ from typing import Any
 
 from ..typed_settings import typed
 from .changes import relief_in_mesh
+from .landform_releases import counted_landforms
 from .table import Setting, all_settings
 
 SCHEMA: dict[str, Any] = json.loads(
@@ -61,6 +62,7 @@ def make_counter() -> Callable[[Mapping[str, Mapping[str, Any]]], list[Any]]:
                  if settings[topic][key] != old]
         found += [[f"{name} {k}", entry[part]] for topic, key, part, name, old in lists
                   for k, entry in enumerate(settings[topic][key]) if entry[part] != old]
+        found += counted_landforms(settings)
         return [first, sorted(found)] if found else [first]
 
     return count

@@ -16,6 +16,7 @@ from functools import cached_property
 from typing import Any
 
 from ..paper_stand_ins import items as stand_ins
+from ..plugins.landforms import RELEASE, PluginLandform, landform_plugins
 from . import trust_boundary
 
 Value = bool | int | float | str | list[dict[str, Any]]
@@ -67,6 +68,7 @@ class Topic:
     description: str
     settings: tuple[Setting, ...]
     parent: str = ""  # label of the parent panel; empty if the panel is at the top of the sidebar
+    plugin: str = ""  # package and version of the plug-in that it is of
 
     @cached_property
     def _by_key(self) -> dict[str, Setting]:
@@ -957,6 +959,23 @@ TOPICS: dict[str, Topic] = {t.key: t for t in (
     TEXTURES, ROCKS, ROCK_SURFACE, LIGHT, RIG, SENSOR, QUALITY, DATASET)}
 
 
+def _topic_of(landform: PluginLandform) -> Topic:
+    """The topic of a plug-in's landform: its numbers, and the release that made it."""
+    settings = []
+    for n in landform.settings:
+        label = f"{n.label} (°)" if n.unit == "deg" else n.label
+        kind: dict[str, Any] = {"subtype": "DISTANCE", "precision": 4} if n.unit == "m" else {}
+        settings.append(Setting(n.key, label, n.default, n.doc, "geometry", n.unit, n.minimum, n.maximum, **kind))
+    settings.append(Setting(RELEASE, "Made By", "", "Package and version that make the landform. Empty for what is "
+                            "installed", "geometry", trust="name"))
+    return Topic(landform.topic, landform.label, landform.doc, tuple(settings), LANDFORMS, landform.plugin.release)
+
+
+#: Topics that are ours, of which types and pages are made; the others are of plug-ins, in whatever Python has them.
+OUR_TOPICS = dict(TOPICS)
+TOPICS |= {landform.topic: _topic_of(landform) for landform in landform_plugins()[0].values()}
+
+
 def all_settings() -> list[tuple[str, Setting]]:
     """All (topic key, setting) in the order of the sidebar."""
     return [(topic.key, setting) for topic in TOPICS.values() for setting in topic.settings]
@@ -971,4 +990,4 @@ def ground_settings() -> dict[str, tuple[str, str]]:
               if s.kind in ("int", "float") and s.key != "body_radius_m"}
     return {**ground, "seed": ("dataset", "seed"),
             **{f"{topic.key}_{s.key}": (topic.key, s.key) for topic in TOPICS.values() if topic.parent == LANDFORMS
-               for s in topic.settings}}
+               for s in topic.settings if s.kind != "text"}}

@@ -19,7 +19,7 @@ from typing import Any
 from icymoon.commands import cli
 from icymoon.render.plans.vary_scene import SPACINGS
 from icymoon.settings import preset_files, toml_text
-from icymoon.settings.table import TOPICS, Setting, ground_settings
+from icymoon.settings.table import OUR_TOPICS, TOPICS, Setting, ground_settings
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import MATCHERS
 from icymoon.version import ROOT
@@ -59,8 +59,8 @@ def _settings() -> str:
              "the range in brackets; type a number to go beyond. Unit 1 is a plain number. *Repeat from* is the first "
              "step that must be repeated after a change: build the scene, render or evaluate. It is empty if none "
              "must.\n",
-             "Topics: " + ", ".join(f"[{key}](#{key})" for key in TOPICS) + ".\n"]
-    for topic in TOPICS.values():
+             "Topics: " + ", ".join(f"[{key}](#{key})" for key in OUR_TOPICS) + ".\n"]
+    for topic in OUR_TOPICS.values():
         parts.append(f"## {topic.key}\n\n**{topic.label}.** {topic.description}.\n")
         owner = _owner(topic.key)
         if owner != topic.key:
@@ -76,7 +76,7 @@ def _settings() -> str:
 
 def _owner(topic: str) -> str:
     """The first topic that has the settings of this one: rocks share those of the ground's surface."""
-    return next(t.key for t in TOPICS.values() if t.settings is TOPICS[topic].settings)
+    return next(t.key for t in OUR_TOPICS.values() if t.settings is TOPICS[topic].settings)
 
 
 def _setting_table(prefix: str, listed: tuple[Setting, ...]) -> str:

@@ -18,7 +18,7 @@ import numpy as np
 from ...typed_settings import Settings, TerrainSettings
 from ..random_numbers.seeds import ground_generator
 from .hills import make_hills
-from .landforms import MAKERS, Landform
+from .landforms import MAKERS, Landform, make_plugin_landforms
 from .layers import Layer, make_layer
 from .mantle import fill
 from .roughness.roughness import (
@@ -141,6 +141,7 @@ def make_terrain(settings: Settings, seed: int) -> Terrain:
     layers = [make_layer(entry, ground_generator(seed, variant, 2, k)) for k, entry in enumerate(ground.layers)]
     landforms = [make(settings[topic], ground_generator(seed, variant, 3, k), size)
                  for k, (topic, make) in enumerate(MAKERS.items())]
+    landforms += make_plugin_landforms(settings, lambda key: ground_generator(seed, variant, 5, key)).values()
     fall, azimuth = (math.radians(ground[k]) for k in ("regional_slope_deg", "regional_slope_azimuth_deg"))
     mantle = settings.mantle
     base = make_rough_surface(ground, size, ground_generator(seed, variant, 0))
@@ -197,8 +198,10 @@ def terrain_advice(settings: Settings, shortest_m: float) -> list[str]:
     if slope and ground.outer_scale_m <= shortest_m:
         notes.append(f"The mesh carries no wave under {shortest_m:.3g} m, and the longest is terrain.outer_scale_m, "
                      f"{ground.outer_scale_m:g} m: the ground is flat; {finer}.")
-    for topic, make in MAKERS.items():
-        landform = make(settings[topic], np.random.default_rng(0), ground.size_m)
+    landforms = {topic: make(settings[topic], np.random.default_rng(0), ground.size_m)
+                 for topic, make in MAKERS.items()}
+    landforms |= make_plugin_landforms(settings, lambda key: np.random.default_rng(0))
+    for topic, landform in landforms.items():
         share = landform.carried_share(shortest_m) if landform else 1.0
         if landform and share < 1.0:
             notes.append(f"The mesh is too coarse for the {topic} (they need vertices {landform.finest_m / 1.5:.2g} m "

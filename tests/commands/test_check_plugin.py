@@ -95,3 +95,87 @@ def test_an_unknown_one_names_the_nearest(check, capsys):
     assert main(["check-plugin"]) == 0
     assert "matcher twelve, icymoon-test-twelve 1.0" in capsys.readouterr().out
     assert main(["check-plugin", "icymoon-test-twelve"]) == 1  # by the name of its package; it measures no plane
+
+
+#: A landform that does what it should.
+WAVES = '''\
+"""Waves."""
+import numpy as np
+ICYMOON_API = 1
+SETTINGS = {"height_m": {"default": 0.0, "minimum": 0.0, "maximum": 5.0, "label": "Height", "doc": "Height"}}
+
+def height(x, y, settings):
+    return settings["height_m"] * np.sin(x + settings["seed"] % 7)
+
+def finest_m(settings):
+    return 3.0
+'''
+
+
+def test_a_good_landform_passes(check):
+    status, out = check("landform", WAVES)
+    assert (status, "FAULT" in out) == (0, False)
+
+
+@pytest.mark.parametrize(("before", "after", "said"), [
+    ("np.sin(x + ", "np.sin(x - x.mean() + ", "in another order or number"),
+    ("np.sin(x + ", "np.sin(x + np.random.rand() + ", "other heights for the same points"),
+    ("np.sin(x + ", "0 * np.sin(x + ", "is level where height_m is 1"),
+    ("np.sin(x + ", "np.log(x + ", "NaN or infinite"), ("np.sin(x + ", "1 + int(0 * ", "returned float for points"),
+    ("def finest_m", "def finest", "has no finest_m"), ("return 3.0", "return -1", "smallest length of -1 m"),
+    ("return 3.0", "return settings['spacing']", "KeyError"), ('"default": 0.0', '"default": 2.0', "0 turns it off"),
+    ("np.sin(x + ", "np.sin(x / (5.0 - settings['height_m']) + ", "NaN or infinite")])
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_what_a_landform_forgets_is_told(check, before, after, said):
+    assert before in WAVES
+    status, out = check("landform", WAVES.replace(before, after))
+    assert status == 1
+    assert said in out
+
+
+METRIC = '''\
+"""Mean error."""
+import numpy as np
+ICYMOON_API = 1
+UNIT = "px"
+
+def measure(found):
+    error = abs(found.disparity_px - found.true_disparity_px)
+    return float(np.nanmean(error)) if np.isfinite(error).any() else float("nan")
+'''
+
+
+@pytest.mark.filterwarnings("ignore:Mean of empty slice")
+@pytest.mark.parametrize(("before", "after", "said"), [
+    ("np.nanmean", "np.mean", "returned NaN or infinity for a map with errors and gaps"),
+    ("if np.isfinite(error).any()", "+ error[np.isfinite(error)][0] if error.size", "IndexError"),
+    ("return float(np.nanmean(error))", "return 'low'", "returned str"),
+    ("float(np.nanmean(error))", "np.random.rand()", "two numbers for the same map"),
+    ('"px"', '"pixels"', "states UNIT = 'pixels'"), ('"px"', "None", "states UNIT = None")])
+def test_what_a_metric_forgets_is_told(check, before, after, said):
+    assert check("metric", METRIC)[0] == 0
+    status, out = check("metric", METRIC.replace(before, after), name="other", package="another")
+    assert status == 1
+    assert said in out
+
+
+EXPORT = '''\
+"""Text."""
+ICYMOON_API = 1
+
+def write_pair(pair, folder):
+    (folder / "a.txt").write_text(f"{pair.name} {pair.left.ndim}")
+'''
+
+
+@pytest.mark.parametrize(("before", "after", "said"), [
+    ("{pair.name}", "{__import__('time').perf_counter()}", "other bytes for the same pair"),
+    ("{pair.left.ndim}", "{pair.semantic_left.max()}", "failed (AttributeError"),
+    ("{pair.left.ndim}", "{pair.left[:, :].reshape(119, 161)}", "failed (ValueError"),
+    ("folder / ", "folder / 'b' / ", "failed (FileNotFoundError"),
+    ("(folder /", "pass  # (folder /", "wrote no file")])
+def test_what_an_export_forgets_is_told(check, before, after, said):
+    assert check("export", EXPORT)[0] == 0
+    status, out = check("export", EXPORT.replace(before, after), name="other", package="another")
+    assert status == 1
+    assert said in out

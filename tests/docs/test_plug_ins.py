@@ -12,7 +12,7 @@ from icymoon.version import ROOT
 from plugin_packages import examples
 
 PAGE = (ROOT / "docs" / "howto" / "plug-ins.md").read_text(encoding="utf-8")
-NAMES = ["census", "depth_p95", "few_paths", "npz"]
+NAMES = ["census", "depth_p95", "few_paths", "npz", "waves"]
 
 
 def test_every_example_is_on_the_page_and_tried_here(plugins_of_the_manual):

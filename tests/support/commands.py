@@ -19,11 +19,15 @@ from icymoon.stereo.matchers import complete_options
 from icymoon.stereo.matchers.methods import parse_key_value, parse_named_methods, parse_own_matchers
 from icymoon.version import ROOT
 from manual import reference
+from plugin_packages import examples
 
 PYTHONS = ("python", "python3", ".venv/bin/python", "evaluator/bin/python", "networks/bin/python")
 #: Programs of the shell that a page may show; what they do is not ours to check.
 SHELL = ("sbatch", ".", "cd", "git")
 OPERATORS = {operator.name.removeprefix("icymoon."): operator for operator in reference.operators()}
+#: Tables of settings that are there once the example packages are installed; ``test_landform_releases`` tries them.
+LANDFORMS_OF_EXAMPLES = {f"landform_{name}" for project in examples() for name in tomllib.loads(
+    (project / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"].get("icymoon.landforms", ())}
 #: Program that needs no parser, and the parser of each that does.
 PARSERS = {"icymoon": cli._make_parser, "icymoon.stereo": stereo_cli._parser}
 
@@ -107,7 +111,8 @@ def _parsed(program: str, words: list[str]) -> str:
         preset_files.preset_path(name)
     changed = options.get("overrides", options.get("set")) or ()
     for text in changed:
-        description.override(text)
+        if text.partition(".")[0] not in LANDFORMS_OF_EXAMPLES:
+            description.override(text)
     if program == "icymoon.stereo":
         stereo_cli._read_response([], changed)
     owned = parse_own_matchers(options.get("own") or ())

@@ -40,6 +40,21 @@ def match(left, right, context):
     return np.full(left.shape, 12.0, np.float32)
 '''
 
+#: A landform that is a step at x = 0.
+LANDFORM = '''\
+"""Steps of ice."""
+import numpy as np
+ICYMOON_API = 1
+SETTINGS = {"height_m": {"default": 0.0, "minimum": 0.0, "maximum": 5.0, "label": "Height", "doc": "Height"},
+            "count": {"default": 3, "minimum": 1, "maximum": 9, "label": "Count", "doc": "Number of steps"}}
+
+def height(x, y, settings):
+    return np.where(x > 0, settings['height_m'], 0.0)
+
+def finest_m(settings):
+    return 0.5
+'''
+
 
 def install_project(project: Path, site: Path) -> dict[str, str]:
     """What pip makes of a folder with a ``pyproject.toml`` and modules, in ``site``: the kinds of its plug-ins by name.

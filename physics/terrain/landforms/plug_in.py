@@ -1,0 +1,46 @@
+"""Landforms of packages that the user installed, after ours."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ....errors import IcyMoonError
+from ....plugins.landforms import PREFIX, RELEASE, PluginLandform, landform_plugins, missing_landform, name_key
+from ....typed_settings import Settings
+from .common import Landform
+
+
+def make_plugin_landforms(settings: Settings, generator: Callable[..., np.random.Generator]) -> dict[str, Landform]:
+    """The landforms of plug-ins that are on, by the name of their table, in alphabetical order.
+
+    ``generator`` gives the random numbers of a landform from a number that stands for it. Raises IcyMoonError for one
+    that is not installed in this Python, or in another version.
+    """
+    usable, _ = landform_plugins()
+    made = {}
+    for topic in sorted(key for key in settings if key.startswith(PREFIX)):
+        values = settings[topic]
+        landform = usable.get(topic)
+        release = str(values.get(RELEASE, ""))
+        if landform is None:
+            raise IcyMoonError(f"This ground cannot be made: {missing_landform(topic, release)}")
+        if values[landform.settings[0].key] == 0:
+            continue
+        if release and release != landform.plugin.release:
+            raise IcyMoonError(f"This ground cannot be made: {topic} was made by {release}, and "
+                               f"{landform.plugin.release} is installed; install {release}, or set "
+                               f"{topic}.{RELEASE} to an empty text for other ground.")
+        seed = int(generator(name_key(landform.plugin.name)).integers(0, 2**32))
+        made[topic] = _make(landform, landform.told(values, seed))
+    return made
+
+
+def _make(landform: PluginLandform, told: Any) -> Landform:
+    def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
+        x, y, _ = np.broadcast_arrays(x_m, y_m, shortest_m)
+        return landform.heights(x, y, told)
+
+    return Landform(landform.finest_m(told), heights)

@@ -1,0 +1,71 @@
+"""Which release of a plug-in's package made a landform: stated in every description whose ground has it.
+
+The table of such a landform, ``[landform_NAME]``, has the setting ``made_by``. It is filled in where the landform is
+on, and empty where it is off. It is part of the pair's id, as are all settings of the table then: another release may
+make other ground.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from ..errors import IcyMoonError
+from ..plugins.landforms import PREFIX, RELEASE, missing_landform
+from ..typed_settings import Settings, Table
+from .table import TOPICS
+
+#: Longest release that is read from a file.
+_LONGEST = 200
+
+
+def with_releases(settings: Settings) -> Settings:
+    """The same settings, complete or not, with ``made_by`` as it must be; changes them in place."""
+    for topic, values in settings.items():
+        known = TOPICS.get(topic)
+        if known is None or not known.plugin or known.settings[0].key not in values:
+            continue
+        if values[known.settings[0].key] == 0:
+            values |= {RELEASE: ""} if RELEASE in values else {}
+        elif not values.get(RELEASE):
+            values[RELEASE] = known.plugin
+    return settings
+
+
+def check_release(topic: str, values: Mapping[str, Any], where: str) -> None:
+    """Raise IcyMoonError if a table states another release than is installed; ``where`` names its origin."""
+    stated, installed = values.get(RELEASE), TOPICS[topic].plugin
+    if stated and stated != installed:
+        raise IcyMoonError(f"{where}: {topic} was made by {stated}, and {installed} is installed; install {stated}, or "
+                           f"leave {topic}.{RELEASE} out for the ground of {installed}.")
+
+
+def kept_of_missing(topic: str, values: Mapping[str, Any], where: str) -> dict[str, Any]:
+    """The stored table of a landform that is not installed here; empty if it was off.
+
+    It is only kept, so that the pair can be read and has its id. Raises IcyMoonError if it contains anything but
+    numbers, and the release.
+    """
+    release = values.get(RELEASE, "")
+    if release == "":
+        return {}
+    if not isinstance(release, str) or len(release) > _LONGEST or not all(
+            isinstance(key, str) and isinstance(value, (int, float)) and math.isfinite(value)
+            for key, value in values.items() if key != RELEASE):
+        raise IcyMoonError(f"{where}: [{topic}] is damaged; restore the file, or render the pair again.")
+    return dict(values)
+
+
+def refuse_missing(settings: Mapping[str, Mapping[str, Any]], where: str) -> None:
+    """Raise IcyMoonError if a description has a landform that is not installed in this Python."""
+    for topic, values in settings.items():
+        if topic.startswith(PREFIX) and topic not in TOPICS:
+            raise IcyMoonError(f"{where}: {missing_landform(topic, str(values.get(RELEASE, '')))}")
+
+
+def counted_landforms(settings: Mapping[str, Mapping[str, Any]]) -> list[list[Any]]:
+    """[name, value] of every setting of the plug-ins' landforms that are on, for the id of a pair."""
+    tables = {topic: Table(values) for topic, values in settings.items() if topic.startswith(PREFIX)}
+    return [[f"{topic}.{key}", value] for topic, values in with_releases(Settings(tables)).items()
+            if values.get(RELEASE) for key, value in values.items()]
