@@ -8,7 +8,7 @@ ZIP := dist/icymoon.zip
 PROCESSES ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
 PYTEST := $(RUN) -m pytest --numprocesses $(PROCESSES) --maxprocesses 4 --dist worksteal
 
-.PHONY: demo env test test-ci test-all test-lanes measure-tests mutants lint zip store lock docs clean
+.PHONY: demo env test test-ci test-all test-lanes measure-tests test-ends mutants lint zip store lock docs clean
 
 demo: $(VENV)/.demo
 	$(RUN) -m icymoon demo
@@ -33,6 +33,16 @@ measure-tests: $(VENV)/.tests
 	rm -f tests/over_a_second.txt; touch tests/over_a_second.txt
 	PYTHONPATH=tests/support $(PYTEST) -p processor_time -m "not long"
 	LC_ALL=C sort -o tests/over_a_second.txt tests/over_a_second.txt
+
+# The evaluator's tests with the oldest and with the newest packages that it takes, in environments without Blender.
+test-ends: $(VENV)/bin/python
+	for end in lowest newest; do \
+	  $(PYTHON) -m venv .venvs/$$end && \
+	  .venvs/$$end/bin/python -m pip install --quiet --disable-pip-version-check -c constraints/$$end.txt \
+	    -e ".[evaluate]" pytest pytest-timeout hypothesis packaging && \
+	  .venvs/$$end/bin/python -m pytest -m "not slow and not heavy" tests/stereo/images tests/stereo/report \
+	    tests/stereo/matchers || exit 1; \
+	done
 
 # Makes small defects in the modules that matter and lists those that no test notices. One module: `make mutants
 # OF=render.workers.claims`.
@@ -74,7 +84,7 @@ $(VENV)/.demo: pyproject.toml $(VENV)/bin/python
 	touch $@
 
 $(VENV)/.tests: pyproject.toml $(VENV)/.demo
-	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -e ".[blender,evaluate,networks,onnx,ephemeris,docs,develop]"
+	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -c constraints/tests.txt -e ".[blender,evaluate,networks,onnx,ephemeris,docs,develop]"
 	touch $@
 
 $(VENV)/.mutants: $(VENV)/.tests

@@ -9,7 +9,9 @@ import tomllib
 
 import pytest
 from icymoon import __main__ as program
+from icymoon.stereo.environment import packages
 from icymoon.version import ROOT
+from packaging.requirements import Requirement
 
 MAIN = str(ROOT / "__main__.py")
 
@@ -47,6 +49,26 @@ def test_the_pythons_with_a_blender_are_those_of_the_package_and_of_make():
     blender = " ".join(project["optional-dependencies"]["blender"])
     assert {tuple(map(int, found.split("."))) for found in re.findall(r"python_version == '([\d.]+)'", blender)} == set(
         program._WITH_BLENDER)
+    for python in ("3.10", "3.11", "3.12", "3.13", "3.14"):
+        asked = [str(need.specifier) for need in map(Requirement, project["optional-dependencies"]["blender"])
+                 if need.marker is not None and need.marker.evaluate({"python_version": python})]
+        assert len(asked) == 1, python
+        # A local version, after the +, is one that nobody can publish.
+        assert (asked == ["==0+needs.python.3.11.or.3.13"]) == (python not in ("3.11", "3.13"))
     assert project["requires-python"] == ">=" + ".".join(map(str, program._LEAST))
     make = (ROOT / "Makefile").read_text(encoding="utf-8")
     assert f"not in {list(program._WITH_BLENDER)}" in make
+
+
+@pytest.mark.parametrize(("end", "first"), [("lowest", True), ("newest", False)])
+def test_the_constraints_are_the_ends_of_what_is_taken(end, first):
+    """The lowest ones are the first that each bound of the package and of the evaluator's check lets in."""
+    lines = (ROOT / "constraints" / f"{end}.txt").read_text(encoding="utf-8").splitlines()
+    pinned = {need.name.lower(): next(iter(need.specifier)).version for need in map(Requirement, lines[1:])}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    bounds = [Requirement(text) for text in (*project["dependencies"], *project["optional-dependencies"]["evaluate"])]
+    assert set(pinned) == {need.name.lower() for need in bounds}
+    for name, oldest, _ in packages.PACKAGES.values():
+        numbers = tuple(map(int, pinned[name.lower()].split(".")[:2]))
+        assert numbers == oldest if first else numbers >= oldest, name
+    assert all(pinned[need.name.lower()] in need.specifier for need in bounds)
