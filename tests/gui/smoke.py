@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import importlib
 import sys
 from pathlib import Path
 
@@ -34,4 +35,12 @@ assert group.preset == "own/mine"  # which uninstalling removes too
 assert operators.add_block() == {"FINISHED"}
 assert operators.clear_scene() == {"FINISHED"}
 assert not [c for c in bpy.data.collections if c.get("icymoon")]
+# Scripts in Blender have the library, whose worker is another Blender.
+library = importlib.import_module("bl_ext.user_default.icymoon")
+scene = library.Scene(mesh={"kind": "GRID"}, terrain={"resolution": 65}, rig={"width_px": 64, "height_px": 48},
+                      quality={"samples": 1})
+for renderer in (library.Worker, library.InProcess):
+    with renderer() as worker:
+        pair = scene.render(dataset / renderer.__name__, renderer=worker)
+    assert pair.left.radiance.shape == pair.right.radiance.shape == (48, 64, 3), renderer
 print("SMOKE passed", bpy.app.version_string)
