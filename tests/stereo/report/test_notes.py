@@ -36,6 +36,15 @@ def test_what_noise_decides_is_said_with_the_difference_that_it_hides():
     assert not with_noise((CLEAN, 0.001))
 
 
+def test_of_one_pair_no_number_is_stated():
+    for verdict, words in ((DECIDES, "Noise of the render decides the result: "), (NOISY, "The pair is noisy: ")):
+        notes = Notes(parse_methods("bm"))
+        part = {"share": 0.5, "noise_dn": 3.0, "hidden": 0.1}
+        notes.add_pair({"noise": {"verdict": verdict, "lit": part, "shadow": part, "doubt": 0.2}})
+        sentence, = (note.sentence for note in notes.found())
+        assert sentence.startswith(words)
+
+
 def search(missed, source="rig", most=95):
     return {"least_px": 0, "most_px": most, "source": source, "missed": missed}
 
