@@ -8,6 +8,7 @@ times, memory) is left out of the headers, so that the same pixels are the same 
 from __future__ import annotations
 
 import struct
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -81,6 +82,28 @@ def assemble(parts: Sequence[Piece]) -> bytes:
             place += 4 + len(chunk)
     start = _START.pack(MAGIC, _VERSION | MULTIPART | (_LONG_NAMES if long_names else 0))
     return b"".join((start, headers, np.array(places, "<u8").tobytes(), *chunks))
+
+
+def keep_rows(piece: Piece, rows: range) -> tuple[Piece, int]:
+    """A part with only those chunks that contain some of ``rows``, counted from the top of the part, and how many rows
+    of the first of them come before.
+
+    Raises ValueError for a part of tiles, and for rows that it does not have.
+    """
+    left, top, right, bottom = struct.unpack("<4i", piece.value(b"dataWindow"))
+    if b"tiles" in piece.attributes or not 0 <= rows.start < rows.stop <= bottom - top + 1:
+        raise ValueError(f"it has no lines {rows.start} to {rows.stop}")
+    placed = sorted((struct.unpack_from("<i", chunk)[0] - top, chunk) for chunk in piece.chunks)
+    starts = [start for start, _ in placed]
+    first = bisect_right(starts, rows.start) - 1
+    after = bisect_left(starts, rows.stop)
+    end = starts[after] if after < len(starts) else bottom - top + 1
+    chunks = [chunk for _, chunk in placed[first:after]]
+    window = struct.pack("<4i", left, top + starts[first], right, top + end - 1)
+    cut = piece.attributes | {b"dataWindow": encode_attribute("dataWindow", "box2i", window)}
+    if b"chunkCount" in cut:
+        cut[b"chunkCount"] = encode_attribute("chunkCount", "int", struct.pack("<i", len(chunks)))
+    return Piece(cut, chunks), rows.start - starts[first]
 
 
 def strip_passing(piece: Piece, name: str) -> Piece:

@@ -20,10 +20,7 @@ from ..settings.description import check, merged
 from ..settings.preset_files import load_preset
 from ..settings.table import TOPICS
 from ..typed_settings import Settings
-from .images.develop import develop
-from .images.disparity_and_occlusion import scene_depth, visible_in_right
-from .images.exr import GROUP_PASSES, NORMAL_PASSES, OBJECT_PASSES
-from .images.views import read_eye
+from .images.crops import Crop, Crops, read_whole
 
 
 class Dataset:
@@ -61,6 +58,7 @@ class Dataset:
         self._response = merged(*(load_preset(name) for name in presets))
         self._ranges = dict(augment or {})
         self._crop, self._seed, self._epoch = crop_px, seed, 0
+        self._crops = Crops()
         for name, (low, high) in self._ranges.items():
             for value in (low, high):
                 _setting(name, value)
@@ -105,18 +103,11 @@ class Dataset:
         drawn = {name: float(random.uniform(low, high)) for name, (low, high) in self._ranges.items()}
         settings = merged(pair.settings, self._response, *(_setting(name, value) for name, value in drawn.items()),
                           {"sensor": {"noise_seed": int(random.integers(2**31 - 1))}})
-        without = (*OBJECT_PASSES, *NORMAL_PASSES, *GROUP_PASSES)
-        light, views = zip(*(read_eye(pair, eye, without) for eye in EYES), strict=True)
-        images = develop(pair, light[0], light[1], settings)
-        top = 2.0**images.bits - 1
-        depth, other = (scene_depth(view) for view in views)
-        disparity = pair.camera.disparity(depth)
-        valid = np.isfinite(disparity)
-        seen = visible_in_right(depth, other, pair.camera, views[0].hidden)
-        found = {"left": images.seen("left") / top, "right": images.seen("right") / top,
-                 "disparity_px": np.where(valid, disparity, 0.0), "valid": valid, "occluded": valid & ~seen}
         rows, columns, left, upper = self._window(pair, random)
-        shown = {key: value[rows, columns] for key, value in found.items()}
+        crop = Crop(rows, columns)
+        shown = self._crops.read(pair, settings, crop) if self._crop else None
+        if shown is None:
+            shown = {key: value[rows, columns] for key, value in read_whole(pair, settings).items()}
         for eye in EYES:
             grey = shown[eye].ndim == 2
             shown[eye] = (shown[eye][None] if grey else np.moveaxis(shown[eye], -1, 0)).astype(np.float32)

@@ -59,15 +59,22 @@ def exposure_s(left_light: np.ndarray, rate: float, sensor: SensorSettings) -> f
     black the brightest pixel stands in, and a wholly black image is exposed as if auto exposure
     were off, since it has nothing to measure. The time stays between SHORTEST_S and LONGEST_S.
     """
-    fixed = float(sensor.exposure_s)
-    if not sensor.auto_exposure:
-        return fixed
+    return exposure_of_level(metered_level(left_light, sensor) if sensor.auto_exposure else 0.0, rate, sensor)
+
+
+def metered_level(left_light: np.ndarray, sensor: SensorSettings) -> float:
+    """The radiance that auto exposure puts at ``auto_target`` of the capacity, see ``exposure_s``; 0 for none."""
     light = _clear_defects(left_light)
     light = light[np.isfinite(light)]
     if light.size == 0:
-        return fixed
-    level = float(np.quantile(light, float(sensor.auto_percentile))) or float(light.max())
-    if level * rate <= 0:
+        return 0.0
+    return float(np.quantile(light, float(sensor.auto_percentile))) or float(light.max())
+
+
+def exposure_of_level(level: float, rate: float, sensor: SensorSettings) -> float:
+    """Exposure time in seconds where auto exposure has metered this level; see ``exposure_s``."""
+    fixed = float(sensor.exposure_s)
+    if not sensor.auto_exposure or level * rate <= 0:
         return fixed
     return float(np.clip(float(sensor.auto_target) * capacity_e(sensor) / (level * rate), SHORTEST_S, LONGEST_S))
 

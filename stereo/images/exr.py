@@ -27,7 +27,7 @@ from ...labels import BEAUTY, HIDDEN, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, SK
 from ...render.pairs.pair_folder import EYES
 from ...scratch import scratch_folder
 from ..environment.packages import is_in_blender
-from .exr_passes import only_passes, without_passes
+from .exr_passes import only_passes, only_rows, without_passes
 
 #: Passes that tell the light groups apart, the objects, and the slope.
 GROUP_PASSES = tuple(f"{BEAUTY}.Combined_{group}" for group in LIGHT_GROUPS)
@@ -63,21 +63,23 @@ class View(Truth, Light):
     """Light and truth of one camera."""
 
 
-def read_view(path: Path, eye: str | None = None, without: Collection[str] = ()) -> View:
+def read_view(path: Path, eye: str | None = None, without: Collection[str] = (), rows: range | None = None) -> View:
     """Read ``left.exr`` or ``right.exr``, if it contains both. ``eye`` selects the view in a file with two.
 
-    Passes (``LAYER.PASS``) that are not needed may be left out by ``without``, which is faster. Raises IcyMoonError if
-    the file is missing, damaged or lacks radiance or depth.
+    Passes (``LAYER.PASS``) that are not needed may be left out by ``without``, and all but some ``rows``, which is
+    faster. Raises IcyMoonError if the file is missing, damaged or lacks radiance or depth.
     """
-    channels = _read_channels(path, eye, without=without)
+    channels = _read_channels(path, eye, without=without, rows=rows)
     truth = _truth(channels, path)
     return View(*_light(channels, path), truth.depth, truth.normal, truth.instance, truth.semantic, truth.hidden)
 
 
-def read_truth(path: Path, eye: str | None = None, without: Collection[str] = ()) -> Truth:
-    """Read the truth alone, ``without`` some passes. Raises IcyMoonError if the file is missing, damaged or lacks
-    depth."""
-    return _truth(_read_channels(path, eye, without=without), path)
+def read_truth(path: Path, eye: str | None = None, without: Collection[str] = (), rows: range | None = None) -> Truth:
+    """Read the truth alone, ``without`` some passes, and of some ``rows`` only if they are given.
+
+    Raises IcyMoonError if the file is missing, damaged or lacks depth.
+    """
+    return _truth(_read_channels(path, eye, without=without, rows=rows), path)
 
 
 def read_depth(path: Path, eye: str | None = None) -> Truth:
@@ -95,11 +97,11 @@ def _truth(channels: _Channels, path: Path) -> Truth:
                  None if hidden is None else hidden > 0)
 
 
-def read_light(path: Path, eye: str | None = None, groups: bool = True) -> Light:
-    """Read the light alone, with or without its ``groups``; far faster than ``read_view`` if the file has a part for
-    each pass."""
+def read_light(path: Path, eye: str | None = None, groups: bool = True, rows: range | None = None) -> Light:
+    """Read the light alone, with or without its ``groups``, and of some ``rows`` only if they are given; far faster
+    than ``read_view`` if the file has a part for each pass."""
     passes = [f"{BEAUTY}.Combined", *(GROUP_PASSES if groups else ())]
-    radiance, found = _light(_read_channels(path, eye, passes), path)
+    radiance, found = _light(_read_channels(path, eye, passes, rows=rows), path)
     return Light(radiance, found if groups else {})
 
 
@@ -114,13 +116,13 @@ def _radiance(channels: _Channels, pass_name: str, path: Path) -> np.ndarray:
     return np.stack(bands, axis=-1).astype(np.float32, copy=False)
 
 
-def _read_channels(path: Path, eye: str | None, passes: Collection[str] = (), without: Collection[str] = ()
-                   ) -> _Channels:
+def _read_channels(path: Path, eye: str | None, passes: Collection[str] = (), without: Collection[str] = (),
+                   rows: range | None = None) -> _Channels:
     """The channels of an eye: all, or at least those of ``passes`` (``LAYER.PASS``), or all but those ``without``."""
     if not path.is_file():
         raise IcyMoonError(f"{path} is missing; render the pair again.")
     channels: _Channels = {}
-    for view_of_part, pixels in _read_parts(path, passes, without):
+    for view_of_part, pixels in _read_parts(path, passes, without, rows):
         for name, values in pixels.items():
             words = name.split(".")
             view = view_of_part or next((word for word in words if word in EYES), None)
@@ -131,9 +133,25 @@ def _read_channels(path: Path, eye: str | None, passes: Collection[str] = (), wi
     return channels
 
 
-def _read_parts(path: Path, passes: Collection[str], without: Collection[str]
+def _read_parts(path: Path, passes: Collection[str], without: Collection[str], rows: range | None
                 ) -> list[tuple[str, dict[str, np.ndarray]]]:
     """Of each part of a file the view that it states, if any, and its channels by name."""
+    if rows is None:
+        return _read_whole(path, passes, without)
+    try:
+        data, before = only_rows(_cut(path.read_bytes(), passes, without), rows)
+    except (OSError, ValueError, IndexError, KeyError, struct.error) as error:
+        raise IcyMoonError(f"{path} is not a readable EXR file ({error}); render the pair again.") from None
+    with scratch_folder() as folder:
+        file = folder / path.name
+        file.write_bytes(data)
+        found = _read_whole(file, (), ())
+    return [(view, {name: values[before:before + len(rows)] for name, values in channels.items()})
+            for view, channels in found]
+
+
+def _read_whole(path: Path, passes: Collection[str], without: Collection[str]
+                ) -> list[tuple[str, dict[str, np.ndarray]]]:
     if is_in_blender():
         return _decode(path, passes, without)
     try:

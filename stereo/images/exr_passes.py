@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 
-from ...formats.exr_parts import assemble, read_pieces
+from ...formats.exr_parts import assemble, keep_rows, read_pieces, strip_passing
 
 
 def only_passes(data: bytes, passes: Collection[str]) -> bytes:
@@ -33,3 +33,15 @@ def _only_parts(data: bytes, is_wanted: Callable[[str], bool]) -> bytes:
     parts = read_pieces(data)
     wanted = [part for part in parts if is_wanted(part.name)]
     return data if len(wanted) in (0, len(parts)) else assemble(wanted)
+
+
+def only_rows(data: bytes, rows: range) -> tuple[bytes, int]:
+    """The EXR file ``data`` with only those chunks that contain some of ``rows``, and how many rows come before them.
+
+    Raises as ``only_passes`` does, and ValueError for a file of tiles, of parts that are not cut alike, or without
+    these rows.
+    """
+    cut = [keep_rows(part, rows) for part in read_pieces(data)]
+    if len({before for _, before in cut}) != 1:
+        raise ValueError("its parts are compressed in unequal chunks")
+    return assemble([strip_passing(part, part.name or "image") for part, _ in cut]), cut[0][1]

@@ -8,6 +8,8 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
+from icymoon.formats.exr_parts import read_pieces
+from icymoon.physics.random_numbers.seeds import generator
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.pairs.scene_splits import check_splits, scene_of, split_of
 from icymoon.settings.description import defaults, merged
@@ -114,3 +116,64 @@ def test_a_loader_with_workers_gives_the_same_tensors(dataset):
         assert all(torch.equal(one[key], other[key]) if torch.is_tensor(one[key]) else one[key] == other[key]
                    for key in one)
     assert read_pair(data.pairs[0].folder).id == here[0]["pair"][0]
+
+
+#: A camera without noise, whose crops can be compared with the whole image.
+CLEAN_SENSOR = {"shot_noise": False, "read_noise_e": 0.0}
+
+
+@pytest.mark.parametrize("sensor", [{}, {"auto_exposure": False, "exposure_s": 0.02}, {"psf_sigma_px": 1.0},
+                                    {"veiling_glare": 0.1, "prnu": 0.01}, {"colour": "BAYER"}], ids=str)
+@pytest.mark.parametrize("layout", ["4.x", "4.x view", "5.x"])
+def test_a_crop_shows_what_the_whole_shows_there(layout, sensor, tmp_path):
+    settings = merged(defaults(), {"sensor": {**CLEAN_SENSOR, **sensor}, "light": {"planet_scale": 2.0}})
+    pairs.write_pair(tmp_path / "pairs" / "0123456789ab", SCENE, RIG, layout, settings=settings, planet_share=0.3)
+    whole, crops = Dataset(tmp_path).arrays(0), Dataset(tmp_path, crop_px=(30, 20))
+    for epoch in range(4):
+        crops.set_epoch(epoch)
+        found = crops.arrays(0)
+        left, upper = round(RIG.cx_px - found["cx_px"]), round(RIG.cy_px - found["cy_px"])
+        window = (..., slice(upper, upper + 20), slice(left, left + 30))
+        for key in ("left", "right", "disparity_px", "valid", "occluded"):
+            assert np.array_equal(found[key], whole[key][window]), key
+
+
+def test_a_crop_decodes_only_its_own_rows(tmp_path):
+    """A chunk of other rows that is damaged is not noticed; that of its own rows is."""
+    rig = pairs.camera(64, 96)  # six chunks of 16 rows
+    settings = merged(defaults(), {"sensor": {"auto_exposure": False, "exposure_s": 0.02}})
+    folder = pairs.write_pair(tmp_path / "pairs" / "0123456789ab", pairs.Scene(), rig, settings=settings)
+    file = folder / "left.exr"
+    data = bytearray(file.read_bytes())
+    for piece in read_pieces(bytes(data)):
+        at = data.find(piece.chunks[5])
+        data[at + 8:at + len(piece.chunks[5])] = bytes(len(piece.chunks[5]) - 8)
+    file.write_bytes(data)
+    crops, seen = Dataset(tmp_path, crop_px=(32, 16)), set()
+    for epoch in range(12):
+        crops.set_epoch(epoch)
+        upper = round(rig.cy_px - generator_row(crops, rig))
+        seen.add(upper + 16 > 80)
+        if upper + 16 > 80:
+            with pytest.raises(IcyMoonError, match=r"left\.exr"):
+                crops.arrays(0)
+        else:
+            assert crops.arrays(0)["left"].shape == (1, 16, 32)
+    assert seen == {True, False}
+
+
+def generator_row(crops, rig):
+    """The principal row that the sample of this epoch will state."""
+    random = generator(0, "training", crops._epoch, int(crops.pairs[0].id, 16))
+    random.integers(2**31 - 1)
+    return rig.cy_px - crops._window(crops.pairs[0], random)[3]
+
+
+def test_light_of_the_planet_is_weighed_in_samples(tmp_path):
+    for k, scale in enumerate((1.0, 3.0)):
+        settings = merged(defaults(), {"light": {"planet_scale": scale},
+                                       "sensor": {**CLEAN_SENSOR, "auto_exposure": False, "exposure_s": 1e-6}})
+        pairs.write_pair(tmp_path / "pairs" / f"{k:012x}", SCENE, RIG, settings=settings, planet_share=0.5)
+    one, three = (Dataset(tmp_path).arrays(k)["left"] for k in range(2))
+    assert 0.1 < three.max() < 1.0
+    assert three.mean() / one.mean() == pytest.approx(2.0, rel=0.02)  # half of the light is three times as strong

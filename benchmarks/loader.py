@@ -1,0 +1,58 @@
+"""Processor time of a training sample, whole and cropped, beside that of decoding the same from 16-bit PNG files.
+
+    python benchmarks/loader.py DATASET [--crop 320 240] [--set sensor.psf_sigma_px=0.5]
+
+One process, ratios within one run: develop the pairs of a data set on the fly, or decode left, right and disparity of
+the whole image, which is what a loader of plain files does for a crop too.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+from icymoon.settings.description import merged, override
+from icymoon.stereo.torch_data import Dataset
+
+
+def seconds_of(step: Callable[[int], object], count: int) -> float:
+    """Processor seconds of a step, the first one not counted."""
+    step(0)
+    start = time.process_time()
+    for k in range(count):
+        step(k)
+    return (time.process_time() - start) / count
+
+
+def main() -> None:
+    """Print a row for each way."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("dataset")
+    parser.add_argument("--crop", type=int, nargs=2, default=(320, 240))
+    parser.add_argument("--set", action="append", default=[], help="a setting of the sensor")
+    parser.add_argument("--count", type=int, default=20)
+    options = parser.parse_args()
+    response = merged(*(override(text) for text in options.set))
+    whole, crops = Dataset(options.dataset), Dataset(options.dataset, crop_px=tuple(options.crop))
+    for data in (whole, crops):
+        data._response = response
+    sample = whole.arrays(0)
+    files = [cv2.imencode(".png", np.rint(65535 * np.moveaxis(sample[eye], 0, -1)).astype(np.uint16))[1]
+             for eye in ("left", "right")]
+    files.append(cv2.imencode(".png", np.rint(256 * sample["disparity_px"]).astype(np.uint16))[1])
+
+    def cropped(k: int) -> object:
+        crops.set_epoch(k)
+        return crops.arrays(k % len(crops))
+
+    png = seconds_of(lambda k: [cv2.imdecode(file, cv2.IMREAD_UNCHANGED) for file in files], options.count)
+    for name, seconds in (("16-bit PNG, decoded", png), ("whole sample", seconds_of(
+            lambda k: whole.arrays(k % len(whole)), options.count)), ("crop", seconds_of(cropped, options.count))):
+        print(f"{name:22}{1000 * seconds:8.1f} ms{seconds / png:8.1f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""Images and truth of a window of a pair, of which no more is decoded than the window needs."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import NamedTuple
+
+import numpy as np
+
+from ...physics.camera.sensor import exposure_of_level, metered_level
+from ...physics.light.photons import pixel_pitch_m
+from ...render.pairs.pair_folder import EYES, Pair, StereoCamera
+from ...typed_settings import SensorSettings, Settings
+from .develop import Channels, Images, develop, grey, scaled_radiance
+from .disparity_and_occlusion import scene_depth, visible_in_right
+from .exr import GROUP_PASSES, NORMAL_PASSES, OBJECT_PASSES, Light, Truth, read_light, read_truth, read_view
+from .lens import lens_of
+from .views import read_eye
+
+#: What makes a pixel depend on others, or on its place on the sensor.
+_SPREADS = ("psf_sigma_px", "veiling_glare", "prnu", "dsnu_e", "blooming", "radiation_flux_cm2_s")
+
+
+class Crop(NamedTuple):
+    """Rows and columns of a window."""
+
+    rows: slice
+    columns: slice
+
+
+class Crops:
+    """Reads windows of pairs, and keeps what auto exposure has metered on the whole of a pair: one number each."""
+
+    def __init__(self) -> None:
+        self._levels: dict[tuple[str, float, float, float], float] = {}
+
+    def read(self, pair: Pair, settings: Settings, crop: Crop) -> dict[str, np.ndarray] | None:
+        """``read_whole`` of a window; None where pixels depend on others, so that the whole is needed.
+
+        The noise of each pixel is another one than in the whole image, of the same strength.
+        """
+        if not _is_local(pair, settings):
+            return None
+        rows, groups = range(crop.rows.start, crop.rows.stop), _needs_groups(settings)
+        left = read_view(pair.image("left"), "left", _unneeded(groups), rows)
+        light = {"left": left, "right": read_light(pair.image("right"), "right", groups, rows)}
+        channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
+        seconds = exposure_of_level(self._level(pair, settings) if settings.sensor.auto_exposure else 0.0,
+                                    channels.rate, settings.sensor)
+        fixed = Settings(settings | {"sensor": settings.sensor | {"auto_exposure": False, "exposure_s": seconds}})
+        images = develop(pair, _columns(light["left"], crop.columns), _columns(light["right"], crop.columns), fixed)
+        # What the right eye sees is needed only where no rays have found what is hidden from it.
+        right = left if left.hidden is not None else read_truth(pair.truth("right"), "right", _unneeded(False), rows)
+        found = _truth_of(pair.camera, left, right)
+        return _shown(images) | {key: value[:, crop.columns] for key, value in found.items()}
+
+    def _level(self, pair: Pair, settings: Settings) -> float:
+        """What auto exposure meters on the whole left image."""
+        scales = float(settings.light.sun_scale), float(settings.light.planet_scale)
+        key = (pair.id, *scales, float(settings.sensor.auto_percentile))
+        if key not in self._levels:
+            light = read_light(pair.image("left"), "left", _needs_groups(settings))
+            radiance = grey(scaled_radiance(light, pair, settings.light))
+            self._levels[key] = metered_level(np.minimum(radiance, 1e30), settings.sensor)
+        return self._levels[key]
+
+
+def read_whole(pair: Pair, settings: Settings) -> dict[str, np.ndarray]:
+    """The developed images ``left`` and ``right``, 0 to 1, (H, W) or (H, W, 3), and the truth of the left one, (H, W):
+    ``disparity_px``, 0 where there is none, ``valid`` and ``occluded``."""
+    light, views = zip(*(read_eye(pair, eye, _unneeded(_needs_groups(settings))) for eye in EYES), strict=True)
+    return _shown(develop(pair, light[0], light[1], settings)) | _truth_of(pair.camera, *views)
+
+
+def _shown(images: Images) -> dict[str, np.ndarray]:
+    top = 2.0**images.bits - 1
+    return {eye: images.seen(eye) / top for eye in EYES}
+
+
+def _truth_of(camera: StereoCamera, left: Truth, right: Truth) -> dict[str, np.ndarray]:
+    depth, other = scene_depth(left), scene_depth(right)
+    disparity = camera.disparity(depth)
+    valid = np.isfinite(disparity)
+    seen = visible_in_right(depth, other, camera, left.hidden)
+    return {"disparity_px": np.where(valid, disparity, 0.0), "valid": valid, "occluded": valid & ~seen}
+
+
+def _is_local(pair: Pair, settings: Settings) -> bool:
+    """Whether each pixel of the images depends on the light that falls on it alone, but for the exposure."""
+    camera, sensor = pair.camera, settings.sensor
+    if any(pair.image(eye) != pair.truth(eye) for eye in EYES):
+        return False  # blurred: truth is in files of its own
+    plain: bool = (camera.rendered_px == (camera.width_px, camera.height_px) and sensor.colour == "MONO"
+                   and sensor.band_weights == "EQUAL" and not any(_spread(sensor, key) for key in _SPREADS))
+    return plain and all(lens_of(camera, settings.rig, eye) is None for eye in EYES)
+
+
+def _spread(sensor: SensorSettings, key: str) -> bool:
+    return float(sensor[key]) > 0
+
+
+def _needs_groups(settings: Settings) -> bool:
+    """Whether the light of the Sun and that of the planet are weighed."""
+    return settings.light.sun_scale != 1 or settings.light.planet_scale != 1
+
+
+def _unneeded(groups: bool) -> Collection[str]:
+    return (*OBJECT_PASSES, *NORMAL_PASSES, *(() if groups else GROUP_PASSES))
+
+
+def _columns(light: Light, columns: slice) -> Light:
+    return Light(light.radiance[:, columns], {group: each[:, columns] for group, each in light.groups.items()})
