@@ -24,4 +24,5 @@ TERRAIN_INSTANCE = 1
 FIRST_OBJECT_INSTANCE, LAST_OBJECT_INSTANCE = 2, 32767
 FIRST_ROCK_INSTANCE = 100_000
 INSTANCE_AOV = "InstanceLabel"  # value pass
+FACE_ATTRIBUTE = "icymoon_face"  # of the triangles of a shape of rocks: the plane that each lies on
 INSTANCE_ATTRIBUTE = "instance_label"  # of the rocks' points, which their instances inherit

@@ -253,6 +253,7 @@ class SurfaceSettings(Table):
     ice_colour: Literal["GREY", "SNOW", "EUROPA_PLAINS", "ENCELADUS_PLAINS"]
     snow_grain_m: float  # m
     albedo_variation: float
+    face_variation: float
     albedo_patch_m: float  # m
     trough_dirt: float
     slope_dirt: float

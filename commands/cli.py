@@ -30,6 +30,8 @@ from . import batch, camera, check_plugin, plan, stand_ins, validate
 if TYPE_CHECKING:
     from ..stereo.trade.measure_variants import Bench
 
+#: Most stops by which the gallery's exposure may differ from the camera's.
+_MOST_STOPS = 20.0
 _DEMO_PRESETS = ("enceladus_fresh_snow", "europa_rough_ice")
 
 
@@ -108,6 +110,8 @@ def _make_parser() -> argparse.ArgumentParser:
     gallery = verbs.add_parser("gallery", help="render the scenes of the gallery, as pictures and all on one sheet")
     gallery.add_argument("--only", action="append", default=[], metavar="NAME", help="one scene; may repeat (all)")
     gallery.add_argument("--scale", type=float, default=1.0, help="share of the images' width and height (%(default)s)")
+    gallery.add_argument("--stops", type=float, default=0.0, help="expose pictures and sheet so many stops longer than "
+                         "the camera does; files then end in the number (%(default)s)")
     gallery.add_argument("--out", type=as_path, default=Path("out/gallery"), help="folder for the pairs, a picture of "
                          "each and the sheet gallery.jpg (%(default)s)")
     gallery.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
@@ -206,22 +210,26 @@ def _run_gallery(options: argparse.Namespace) -> int:
     out = options.out.absolute()
     if unknown := sorted(set(options.only) - set(known)):
         raise IcyMoonError(f"--only: no scene of the gallery is called {unknown[0]!r}; there are {', '.join(known)}.")
+    if not abs(options.stops) <= _MOST_STOPS:
+        raise IcyMoonError(f"--stops is {options.stops:g}, not a number from -{_MOST_STOPS:g} to {_MOST_STOPS:g}.")
+    ending = f"_{options.stops:+g}" if options.stops else ""
     chosen, shown_on_sheet = options.only or known, []
     described = {name: description.merged(description.defaults(), preset_files.load_preset(f"gallery/{name}"))
                  for name in chosen}
     check_abilities(described.values(), options.blender)
     for name in known:
-        preset, picture = f"gallery/{name}", out / f"{name}.jpg"
+        preset, picture = f"gallery/{name}", out / f"{name}{ending}.jpg"
         title, text = preset_files.preset_header(preset)
         command = f"icymoon render --preset {preset}"
         if name in chosen:
             print(f"{title}. {text}: python -m {command} --out DATASET", flush=True)
             pair, = render_settings(scaled_view(described[name], options.scale), out, options.blender)
-            write_picture(pair, picture)
+            write_picture(pair, picture, options.stops)
         if picture.is_file():
             shown_on_sheet.append((picture, title, command))
-    write_sheet(shown_on_sheet, out / "gallery.jpg")
-    print(out / "gallery.jpg")
+    sheet = out / f"gallery{ending}.jpg"
+    write_sheet(shown_on_sheet, sheet)
+    print(sheet)
     return 0
 
 

@@ -37,8 +37,9 @@ def _advanced(topic: str, *settings: str) -> Section:
 
 def _of_surface(topic: str) -> tuple[Section, ...]:
     return (Section(topic, "dirt", "Colour, Dirt and Salts", "Colour of the ice, and darker or redder ground on it", (
-                "ice_colour", "snow_grain_m", "albedo_variation", "albedo_patch_m", "trough_dirt", "slope_dirt", "dirt",
-                "dirt_patch_m", "salt_share", "salt_patch_m", "salt", "salt_red", "salt_green", "salt_blue")),
+                "ice_colour", "snow_grain_m", "albedo_variation", "albedo_patch_m", "face_variation", "trough_dirt",
+                "slope_dirt", "dirt", "dirt_patch_m", "salt_share", "salt_patch_m", "salt", "salt_red", "salt_green",
+                "salt_blue")),
             Section(topic, "grain", "Grains", "Relief that is finer than the mesh, and glints", (
                 "grain_size_m", "grain_amplitude_m", "grain_patchiness", "relief", "glint_share", "glint_size_m")),
             Section(topic, "layers", "Bubbles, Frost and Crust", "What is in the ice and on it", (

@@ -190,6 +190,7 @@ class SurfaceOverrides(TypedDict, total=False):
     ice_colour: Literal["GREY", "SNOW", "EUROPA_PLAINS", "ENCELADUS_PLAINS"]
     snow_grain_m: float  # m
     albedo_variation: float
+    face_variation: float
     albedo_patch_m: float  # m
     trough_dirt: float
     slope_dirt: float
@@ -309,6 +310,7 @@ class RockSurfaceOverrides(TypedDict, total=False):
     ice_colour: Literal["GREY", "SNOW", "EUROPA_PLAINS", "ENCELADUS_PLAINS"]
     snow_grain_m: float  # m
     albedo_variation: float
+    face_variation: float
     albedo_patch_m: float  # m
     trough_dirt: float
     slope_dirt: float

@@ -408,6 +408,8 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
             "material"),
     _fraction("albedo_variation", "Albedo Variation", 0.0,
               "Depth of the random dark patches as a share of the albedo", "material"),
+    _fraction("face_variation", "Face Variation", 0.0, "How much the faces of rocks differ: a face is darker by up to "
+              "this share of the albedo, and its roughness is up to this much higher or lower", "material"),
     _metres("albedo_patch_m", "Albedo Patch", 0.5, 1.0e-4, 1.0e4, (0.01, 10.0),
             "Wavelength of the dark patches", "material"),
     _signed("trough_dirt", "Dirt in Troughs",

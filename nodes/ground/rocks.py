@@ -14,7 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, INSTANCE_ATTRIBUTE
+from ...labels import FACE_ATTRIBUTE, FIRST_ROCK_INSTANCE, INSTANCE_AOV, INSTANCE_ATTRIBUTE
 from ...physics.rocks.rocks import Rocks
 from ...physics.rocks.shapes import Shape
 from ..tree.builder import Tree
@@ -54,6 +54,8 @@ def build_shapes(name: str, shapes: Sequence[Sequence[Shape]], used: np.ndarray,
             mesh.set_sharp_from_angle(angle=_SHARP)
         else:
             mesh.polygons.foreach_set("use_smooth", ~plane)
+        attribute = mesh.attributes.new(FACE_ATTRIBUTE, "FLOAT", "FACE")
+        attribute.data.foreach_set("value", shapes[level][shape].face.astype(np.float32))
         mesh.materials.append(material)
         objects.append(bpy.data.objects.new(mesh.name, mesh))
     return objects

@@ -27,6 +27,7 @@ from .ice_layers import WHITE
 from .patches_and_grain import (
     GRAIN_FARTHEST,
     add_brightness,
+    add_faces,
     add_grain,
     add_grain_by_fineness,
     add_patchy,
@@ -258,6 +259,12 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
             surface = surface | {kind: of.mean[of.channel]}
             varied[kind] = pieces.separated(kind.title(), pieces.sample(kind, of))[of.channel]
     grey = add_brightness(tree, surface, geometry, patches_at, elevated=semantic == TERRAIN)
+    if semantic == ROCK and surface.face_variation > 0.0:
+        kept, rougher = add_faces(tree, surface)
+        grey = tree.math("MULTIPLY", "Brightness of Faces", grey, kept)
+        if "roughness" in _numbers_of(surface, settings, None):
+            roughness = Number(tree, varied.get("roughness", surface.roughness)) + Number(tree, rougher)
+            varied["roughness"] = roughness.at_least(0.0).at_most(1.0).value
     bubbly = (ice_layers.add_bubbly_colour(tree, surface, geometry, bands_at, semantic == ROCK)
               if surface.model == "PRINCIPLED" and surface.bubble_share > 0.0 else None)
     colour = add_ground_colour(tree, surface, geometry, salt_at, semantic == TERRAIN, settings, bubbly)

@@ -14,6 +14,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...labels import FACE_ATTRIBUTE
 from ...physics.mesh.fine_relief import CARRIED, OCTAVES, wavelengths_m
 from ...typed_settings import SurfaceSettings
 from ..ground.terrain_mesh import SPACING
@@ -224,10 +225,25 @@ def _clean_shares(tree: Tree, surface: SurfaceSettings, geometry: Any, elevated:
     return factors
 
 
+def add_faces(tree: Tree, surface: SurfaceSettings) -> tuple[Any, Any]:
+    """Output sockets of a grey factor and of a change of roughness that each face of each rock has of its own.
+
+    Their means are 1 - v/2 and 0, with v the setting ``face_variation``.
+    """
+    face = tree.node("ShaderNodeAttribute", "Face", attribute_type="GEOMETRY", attribute_name=FACE_ATTRIBUTE)
+    rock = tree.node("ShaderNodeObjectInfo", "Rock").outputs["Random"]
+    place = tree.node("ShaderNodeCombineXYZ", "Face of a Rock", {"X": output(face, "Fac"), "Y": 0.0, "Z": 0.0})
+    chance = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Face", {"Vector": place.outputs[0], "W": rock},
+                       noise_dimensions="4D")
+    parts = tree.node("ShaderNodeSeparateColor", "Chances", {"Color": output(chance, "Color")}, mode="RGB").outputs
+    rough = (Number(tree, parts["Green"]) * 2.0 - 1.0) * surface.face_variation
+    return _add_kept(tree, "Face", parts["Red"], surface.face_variation), rough.value
+
+
 def darkest(surface: SurfaceSettings) -> float:
-    """The minimum of the factor of ``add_brightness``."""
+    """The minimum of the factor of ``add_brightness``, and of the faces of rocks."""
     dirt = ("trough_dirt", "slope_dirt") if surface.dirt == "BLACK" else ()
-    return float(math.prod(1.0 - abs(surface[key]) for key in ("albedo_variation", *dirt)))
+    return float(math.prod(1.0 - abs(surface[key]) for key in ("albedo_variation", "face_variation", *dirt)))
 
 
 def threshold_for_share(share: float, deviation: float = NOISE_DEVIATION) -> float:

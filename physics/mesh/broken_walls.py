@@ -19,16 +19,18 @@ from ..terrain.landforms import Walls
 from ..terrain.noise.lattice_noise import hash_lattice, to_uniform
 from .split_triangles import split_sides
 
-#: Vertical parts of the normals between which ground becomes a wall: slopes of 40 and 62 degrees.
-_GROUND, _WALL = math.cos(math.radians(40.0)), math.cos(math.radians(62.0))
+#: Vertical parts of the normals between which ground becomes a wall: slopes of 52 and 68 degrees. So the sides
+#: of fragments, which are up to 66 degrees steep, break too.
+_GROUND, _WALL = math.cos(math.radians(52.0)), math.cos(math.radians(68.0))
 #: Widths of the scoops over the height of the wall, and their greatest depth over their width.
 _SCOOPS, _DEPTH = (0.5, 0.2, 0.08), 0.25
-#: Scoops: largest slope of a scoop's middle plane, and how much deeper it is there than one width away.
-_TILT, _BOWL = 0.35, 0.45
+#: Scoops: by how much their depths differ, largest slope of a scoop's middle plane, how much deeper it is in its middle
+#: than one width away, and the depth of the edges between scoops that leaves nearly all of them in the ice.
+_DIFFER, _TILT, _BOWL, _EDGES = 0.35, 0.45, 1.3, 0.55
 #: Length of a side of a wall's triangle in pixels from which it is halved, and how often.
 _LONGEST_PX, _HALVED = 3.0, 5
 #: How often a wall is smoothed before it is broken.
-_SMOOTHED = 6
+_SMOOTHED = 3
 #: Share of the largest number of vertices that the mesh has before walls are broken.
 BEFORE = 0.75
 #: Points worked on at a time.
@@ -69,7 +71,7 @@ def scoops(points: np.ndarray, key: int) -> np.ndarray:
         tilt = hash_lattice(place.astype(np.int64), zero, key)
         off = [points[:, axis] - base[:, axis] - shift - _tenth_bits(place, axis)
                for axis, shift in enumerate((i, j, k))]
-        bowl = to_uniform(hash_lattice(tilt.astype(np.int64), zero, key))
+        bowl = _EDGES + _DIFFER * to_uniform(hash_lattice(tilt.astype(np.int64), zero, key))
         for axis, along in enumerate(off):
             bowl += along * ((2.0 * _TILT) * (_tenth_bits(tilt, axis) - 0.5) - _BOWL * along)
         np.maximum(deepest, bowl, out=deepest)

@@ -42,12 +42,13 @@ _CLEAVAGE_JITTER, _STEP_DEPTH, _STEP_WAVES, _STEP_FALL = 0.12, 0.05, (5.0, 11.0,
 class Shape:
     """A rock of unit size: ``vertices`` (n, 3), ``triangles`` (m, 3) int32 counter-clockwise from
     outside, ``plane`` (m,) whether a triangle is flat, as part of a plane face or of broken ice, and not rounded,
-    ``height`` a factor on the height of rocks of this family."""
+    ``height`` a factor on the height of rocks of this family, ``face`` (m,) int32 the plane that a triangle lies on."""
 
     vertices: np.ndarray
     triangles: np.ndarray
     plane: np.ndarray
     height: float
+    face: np.ndarray
 
 
 @lru_cache(maxsize=8)
@@ -208,6 +209,11 @@ def _break_ice(normals: np.ndarray, depths: np.ndarray, angularity: float,
     return levels
 
 
+def _faces_of(vertices: np.ndarray, triangles: np.ndarray, planes: np.ndarray) -> np.ndarray:
+    """The plane (m,) int32 that each triangle lies on, of ``planes`` (k, 3), normals over distances from the centre."""
+    return np.argmax(vertices[triangles].mean(axis=1) @ planes.T, axis=1).astype(np.int32)
+
+
 def _make_rock(family: str, angularity: float, random: np.random.Generator) -> list[Shape]:
     """One rock at every level, of unit size."""
     normals, depths = _draw_cleavage(random) if family == "BROKEN_ICE" else _draw_planes(family, random)
@@ -223,7 +229,10 @@ def _make_rock(family: str, angularity: float, random: np.random.Generator) -> l
     across = np.sqrt(np.pi / 4 / _hull_area(finest[:, :2]))
     scale = np.array([across, across, 1.0 / (high[2] - low[2])])
     height = SLAB_HEIGHT if family == "SLABS" else 1.0
-    return [Shape((vertices - (low + high) / 2) * scale, icosphere(subdivisions)[1], plane, height)
+    # A worn boulder has no faces left.
+    planes = (normals / depths[:, None])[:1 if family == "BOULDERS" else None]
+    return [Shape((vertices - (low + high) / 2) * scale, icosphere(subdivisions)[1], plane, height,
+                  _faces_of(vertices, icosphere(subdivisions)[1], planes))
             for subdivisions, (vertices, plane) in zip(sampled, levels, strict=True)]
 
 

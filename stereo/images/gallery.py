@@ -20,14 +20,15 @@ _QUALITIES = range(90, 20, -5)
 _COLUMNS, _CELL_PX, _CAPTION_PX = 3, 480, 48
 
 
-def write_picture(pair_folder: Path, file: Path) -> None:
+def write_picture(pair_folder: Path, file: Path, stops: float = 0.0) -> None:
     """Write the view of a pair's left eye as a JPEG for screens, in colour, at the camera's automatic exposure.
 
-    Matchers get a linear image; this one has the gamma of screens, so it is brighter, and it has no noise.
+    ``stops`` is the logarithm, to the base 2, of a factor on that exposure. Matchers get a linear image; this one has
+    the gamma of screens, so it is brighter, and it has no noise.
     """
     pair = read_pair(pair_folder)
     radiance, sensor = read_light(pair.image("left"), "left", groups=False).radiance, pair.settings.sensor
-    full = float(np.quantile(grey(radiance), sensor.auto_percentile)) / sensor.auto_target
+    full = float(np.quantile(grey(radiance), sensor.auto_percentile)) / sensor.auto_target / 2.0**stops
     shown = np.clip(radiance / max(full, 1e-30), 0.0, 1.0) ** _SCREEN_GAMMA
     write_bytes(file, encoded(np.rint(255 * shown[..., ::-1]).astype(np.uint8), ".jpg", 92))
 

@@ -40,6 +40,15 @@ def test_what_is_off_adds_no_nodes():
     assert names(model="LAMBERT", crust_share=0.5, frost_share=0.5, bubble_share=0.01) == names(model="LAMBERT")
 
 
+def test_faces_of_rocks_differ_in_brightness_and_roughness_and_ground_has_none():
+    assert names(face_variation=0.3) == names(face_variation=0.0)
+    added = names(ROCK, face_variation=0.3) - names(ROCK, face_variation=0.0)
+    assert {"Face", "Rock", "Brightness of Faces"} <= added
+    # Without the attribute of a shape all is one face: darker by up to the variation, by the same chance everywhere.
+    made = measured(surface(albedo=0.8, face_variation=0.3), ROCK)
+    assert 0.8 * 0.7 * 0.99 < made.mean() < 0.8 * 1.01
+
+
 @pytest.mark.parametrize(("radius_m", "share"), [(5e-4, 0.05), (5e-4, 0.001), (1e-3, 0.01)])
 def test_bubbles_give_the_albedo_of_their_closed_form(radius_m, share):
     made = measured(surface(bubble_radius_m=radius_m, bubble_share=share, albedo=0.1))

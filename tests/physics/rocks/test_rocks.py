@@ -345,3 +345,28 @@ def test_any_seed_makes_shapes(angularity, seed, family):
     for kind in make_rock_shapes(family, angularity, seed):
         assert len(kind) in (6, 18)
         assert all(np.isfinite(s.vertices).all() and np.abs(s.vertices).max() < 1.2 for s in kind)
+
+
+@pytest.mark.parametrize(("family", "spread_deg"), [("FRAGMENTS", 3.0), ("SLABS", 3.0), ("BROKEN_ICE", 45.0)])
+def test_triangles_of_one_face_look_one_way_and_every_level_has_the_same_faces(family, spread_deg):
+    """Faces of fragments are plane but for rounded edges; steps tilt the triangles of broken ice."""
+    for levels in zip(*make_rock_shapes(family, 1.0, 3), strict=True):
+        shape = levels[0]
+        corners = shape.vertices[shape.triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        areas = np.linalg.norm(normals, axis=1)
+        assert len(np.unique(shape.face)) >= 6
+        for face in np.unique(shape.face):
+            of_face = (shape.face == face) & shape.plane
+            mean = normals[of_face].sum(axis=0)
+            off = np.degrees(np.arccos(np.clip(normals[of_face] @ mean / areas[of_face] / np.linalg.norm(mean), -1, 1)))
+            assert np.average(off < spread_deg, weights=areas[of_face]) > 0.8  # slivers at edges may lean over
+        common = np.bincount(shape.face, areas, 30) / areas.sum()
+        for other in levels[1:]:
+            c = other.vertices[other.triangles]
+            area = np.linalg.norm(np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]), axis=1)
+            assert np.bincount(other.face, area, 30) / area.sum() == pytest.approx(common, abs=0.03)
+
+
+def test_worn_boulders_have_no_faces():
+    assert all(not shape.face.any() for kind in make_rock_shapes("BOULDERS", 0.5, 3) for shape in kind)

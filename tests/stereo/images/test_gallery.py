@@ -32,6 +32,10 @@ def test_a_picture_shows_the_light_as_a_screen_does(tmp_path):
     write_picture(folder, tmp_path / "a.jpg")
     image = cv2.imread(str(tmp_path / "a.jpg")).astype(float) / 255
     sensor = description.defaults().sensor
+    write_picture(folder, tmp_path / "b.jpg", stops=-2.0)
+    darker = cv2.imread(str(tmp_path / "b.jpg")).astype(float) / 255
+    lit = (image > 0.2) & (image < 0.9)
+    assert np.median((darker[lit] / image[lit]) ** 2.2) == pytest.approx(0.25, rel=0.05)
     # The quantile that the exposure is metered by is at its target, linearly; JPEG is off by a few of 255 steps.
     assert np.quantile(image, sensor.auto_percentile) ** 2.2 == pytest.approx(sensor.auto_target, abs=0.03)
 
