@@ -36,6 +36,16 @@ def custom_properties(struct: Any) -> list[str]:
         return []
 
 
+def stored_groups(group: Any) -> dict[str, dict[str, Any]]:
+    """What a property group stores in groups of its own, also in those that are no longer registered.
+
+    From 5.0 on, these are apart from custom properties.
+    """
+    separate = getattr(group, "bl_system_properties_get", None)
+    stored = separate() if separate else group
+    return {name: part.to_dict() for name, part in stored.items() if hasattr(part, "to_dict")} if stored else {}
+
+
 def is_module() -> bool:
     """Whether Blender runs as a Python module. Before 4.3, only the missing path of a program shows this."""
     return bool(getattr(bpy.app, "module", not bpy.app.binary_path))

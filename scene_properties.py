@@ -13,7 +13,9 @@ import bpy
 import numpy as np
 
 from . import compat
+from .errors import IcyMoonError
 from .physics.surfaces import principled
+from .plugins.landforms import PREFIX
 from .render.plans.vary_scene import COMBINATIONS, SPACINGS, SceneVariations, VariedSetting
 from .settings.announcements import COLOURS, announce, batch_changes, count_changes, make_update
 from .settings.description import canonical, check
@@ -217,9 +219,19 @@ def unregister() -> None:
 def read_settings(group: Any) -> Settings:
     """The complete settings in a ``Scene.icymoon`` property group.
 
-    Anyone may have made the scene. Raises IcyMoonError if a settings file with these values would be refused.
+    Anyone may have made the scene. Raises IcyMoonError if a settings file with these values would be refused, and if
+    the scene has settings of a landform whose package this Blender lacks.
     """
+    if left := find_left_landforms(group):
+        raise IcyMoonError(f"This scene has settings of {', '.join(left)}, a landform of a package that is not "
+                           "installed in this Blender; install it, or make a new scene.")
     return check(read_unchecked(group), "This scene")
+
+
+def find_left_landforms(group: Any) -> list[str]:
+    """The landforms of plug-ins that are not installed here but have settings in the scene, other than 0."""
+    return sorted(name for name, values in compat.stored_groups(group).items() if name.startswith(PREFIX)
+                  and name not in TOPICS and any(values.values()))
 
 
 def read_for_display(group: Any) -> Settings:

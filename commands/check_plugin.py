@@ -59,7 +59,9 @@ def _run(options: argparse.Namespace) -> int:
     for plugin in chosen:
         print(f"{plugin.kind} {plugin.name}, {plugin.release}")
         for check in checks_of(plugin):
-            print(f"  ok     {check.what}" if not check.fault else f"  FAULT  {check.fault}", flush=True)
+            print(f"  {'FAULT' if check.fault else 'ok   '}  {check.what}", flush=True)
+            if check.fault:
+                print(f"         {check.fault}", flush=True)
             faults += bool(check.fault)
     print("It can be used." if not faults else f"{faults} to correct.")
     return 1 if faults else 0

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
+from ..plugins.landforms import landform_plugins
 from ..render.cost.abilities import probe_blender
 from ..render.workers.job import python_command
 from ..render.workers.process import clean_environment
@@ -85,6 +86,14 @@ def examine_evaluator(python: str) -> list[Finding]:
             *(Finding("Plug-in", "limited", sentence) for sentence in facts.get("refused", ()))]
 
 
+def examine_landforms() -> list[Finding]:
+    """The landforms of plug-ins in this Python, and why any cannot be used."""
+    usable, faults = landform_plugins()
+    found = [f"{landform.label} ({landform.plugin.release})" for landform in usable.values()]
+    return [*([Finding("Landforms of plug-ins", "ok", ", ".join(found))] if found else []),
+            *(Finding("Plug-in", "limited", fault) for fault in faults.values())]
+
+
 def examine_kernels(kernels: str) -> list[Finding]:
     """Whether SPICE kernels that are named are there; nothing if none are, since few scenes need them."""
     if not kernels:
@@ -104,7 +113,7 @@ def examine(blender: str, evaluator: str) -> int:
     from rich.console import Console
     from rich.table import Table
 
-    findings = examine_blender(blender) + examine_evaluator(evaluator)
+    findings = examine_blender(blender) + examine_evaluator(evaluator) + examine_landforms()
     table = Table("", "found", "what to do")
     colours = {"ok": "green", "limited": "yellow", "missing": "red"}
     for finding in findings:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import bpy
 
-from ..commands.doctor import Finding, examine_blender, examine_evaluator, examine_kernels
+from ..commands.doctor import Finding, examine_blender, examine_evaluator, examine_kernels, examine_landforms
 from ..errors import IcyMoonError
 from ..preferences import find_evaluator_python, kernels, matchers, show_findings
 from .sidebar_text import in_window, plain
@@ -20,7 +20,8 @@ def all_findings() -> list[Finding]:
     except IcyMoonError as error:
         found = [Finding("Evaluator", "missing", str(error).rstrip("."))]
     # Blender is examined in a separate process, since listing the graphics cards in Cycles also selects them.
-    return [*found, *examine_kernels(kernels()), *examine_blender(bpy.app.binary_path or sys.executable)]
+    return [*found, *examine_landforms(), *examine_kernels(kernels()),
+            *examine_blender(bpy.app.binary_path or sys.executable)]
 
 
 class ICYMOON_OT_check_evaluator(bpy.types.Operator):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 
@@ -9,7 +10,7 @@ import pytest
 from icymoon.commands.check_plugin import find_all
 from icymoon.commands.cli import main
 from icymoon.version import ROOT
-from plugin_packages import examples
+from plugin_packages import add_package, examples
 
 PAGE = (ROOT / "docs" / "howto" / "plug-ins.md").read_text(encoding="utf-8")
 NAMES = ["census", "depth_p95", "few_paths", "npz", "waves"]
@@ -28,6 +29,23 @@ def test_the_metric_of_the_page_is_the_example():
     source = (ROOT / "docs" / "examples" / "icymoon-quantile-metric" / "icymoon_quantile_metric.py").read_text("utf-8")
     source = source.replace("from __future__ import annotations\n\nfrom typing import Any\n\n", "")
     assert source.replace("(found: Any) -> float:", "(found):") in PAGE
+
+
+#: The function by which a module of the page is known.
+KINDS = {"match": "matcher", "height": "landform", "measure": "metric", "write_pair": "export"}
+MODULES = [code for code in re.findall(r"(?ms)^```python\n(.*?)^```$", PAGE) if "ICYMOON_API" in code]
+
+
+@pytest.mark.parametrize("code", MODULES, ids=lambda code: code.splitlines()[0])
+def test_each_module_of_the_page_passes_its_check(code, tmp_path, monkeypatch, capsys):
+    kind, = (kind for function, kind in KINDS.items() if f"def {function}(" in code)
+    add_package(tmp_path, monkeypatch, kind, "of_the_page", code)
+    assert main(["check-plugin", "of_the_page"]) == 0, capsys.readouterr().out
+
+
+def test_the_page_shows_a_module_of_each_kind():
+    assert len(MODULES) == len(KINDS)
+    assert all(any(f"def {function}(" in code for code in MODULES) for function in KINDS)
 
 
 @pytest.mark.parametrize("name", NAMES)
