@@ -79,7 +79,9 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
         row.label(text=quality.brief)
     for lack in dict.fromkeys(quality.lacks for quality in shipped if quality.lacks):
         titles = " or ".join(quality.title for quality in shipped if quality.lacks == lack)
-        draw_sentence(column, f"Not {titles}: {lack}", "ERROR")
+        # Where the present settings can be rendered, they are what the fix would make.
+        told = lack if own.lacks else f"{lack.partition(';')[0]}. For a first look, lower Samples."
+        draw_sentence(column, f"Not {titles}: {told}", "ERROR")
     if own.chosen:
         draw_lines(column, (f"With the settings below: {own.brief}",))
     draw_sentence(column, sidebar_text.speed_line(settings))

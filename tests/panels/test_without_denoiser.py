@@ -26,6 +26,11 @@ def test_the_panel_shows_which_qualities_cannot_be_had(without):
     shown = " ".join(entry[2]["text"] for entry in drawn(bpy.types.ICYMOON_PT_quality) if entry[0] == "label")
     assert shown.count("OpenImageDenoise") == 1  # for Draft and the paper's, whose buttons are grey
     assert "quality.denoiser" not in shown
+    assert "lower Samples" in shown
+    assert "Denoiser to None" not in shown  # which it is
+    without.icymoon.quality.denoiser = "OIDN"
+    shown = " ".join(entry[2]["text"] for entry in drawn(bpy.types.ICYMOON_PT_quality) if entry[0] == "label")
+    assert "Denoiser to None" in shown
 
 
 def test_render_is_refused_before_the_scene_is_built(without):
