@@ -144,7 +144,8 @@ def curve(path: Path) -> None:
     from icymoon.settings import description, preset_files
 
     presets = [name for name in preset_files.preset_names("surfaces") if "hapke" in name]
-    colours = ("#1b6ca8", "#3fa7d6", "#7a6fc2", "#c25b8f", "#8c2f39", "#2a9d5c", "#8ac926", "#777777")
+    colours = ("#1b6ca8", "#3fa7d6", "#7a6fc2", "#c25b8f", "#8c2f39", "#2a9d5c", "#8ac926", "#777777", "#e76f51",
+               "#264653", "#b5838d", "#000000")
     top, panels = 1.6, ((70.0, 380.0, 8.0, "Opposition"), (480.0, 380.0, 160.0, "All phases"))
     lines = ['<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1120 520" font-family="sans-serif" font-size="13">',
              '<rect width="1120" height="520" fill="white"/>']

@@ -49,9 +49,13 @@ _HAPKE = {"model": "HAPKE"}
 _HORIZON = {"rig": {"pitch_deg": 12.0}, "light": {"sun_elevation_deg": 30.0, "sun_azimuth_deg": 250.0}}
 _TURNED_AWAY = ("Cause, by the next scene: Mitsuba draws Lambert's law black where a shading normal turns away from a "
                 "camera that sees the facet; Cycles does not")
+_TURNED_FROM_SUN = ("Cause, by the scene with flat facets: on a facet that turns from the Sun, where the smooth normal "
+                    "does not, Cycles lets the sunlight in and Mitsuba does not")
 _LOW = {"light": {"sun_elevation_deg": 20.0, "sun_azimuth_deg": 300.0}}
 _COARSE = ("Cause, by the next scene: shading normals. The renderers differ on facets that turn from the Sun or from "
            "the camera where the smooth normal does not, and here facets are several pixels wide")
+_DARK = ("Cause: noise of dark regions. Renders in Mitsuba with other seeds (`mitsuba_render.py SCENE SAMPLES SEED`) "
+         "differ as much")
 _STEEP = {"rms_slope_deg": 25.0}
 _DEFAULT: Mapping[str, Mapping[str, Any]] = {
     "surface": _LAMBERT, "terrain": {**_STEEP, "inner_scale_m": 0.02},
@@ -60,14 +64,17 @@ SCENES = (
     Scene("low Sun", {"surface": _LAMBERT, "light": {"sun_elevation_deg": 8.0, "sun_azimuth_deg": 230.0}}),
     Scene("grazing view to the horizon", {"surface": _LAMBERT, **_HORIZON}, samples=256, why=_TURNED_AWAY),
     Scene("the same with flat facets", {"surface": _LAMBERT, **_HORIZON}, samples=256, flat=True),
-    Scene("grazing view, Hapke by OSL", {"surface": _HAPKE, "hapke": {"backend": "OSL"}, **_HORIZON}, samples=256),
-    Scene("grazing view, Hapke by nodes", {"surface": _HAPKE, "hapke": {"backend": "NODES"}, **_HORIZON}, samples=256),
+    Scene("grazing view, Hapke by OSL", {"surface": _HAPKE, "hapke": {"backend": "OSL"}, **_HORIZON}, samples=256,
+          why=_TURNED_FROM_SUN),
+    Scene("grazing view, Hapke by nodes", {"surface": _HAPKE, "hapke": {"backend": "NODES"}, **_HORIZON}, samples=256,
+          why=_TURNED_FROM_SUN),
     Scene("Saturn's light alone", {"surface": _LAMBERT, "light": {
         "sun_elevation_deg": -20.0, "sun_azimuth_deg": 200.0, "planet": True, "planet_elevation_deg": 40.0,
         "planet_azimuth_deg": 250.0, "planet_flattening": 0.098}}, samples=1024),
-    Scene("deep shadow, three bounces", {"surface": _LAMBERT, "terrain": _STEEP, **_LOW}, bounces=3, samples=1024),
+    Scene("deep shadow, three bounces", {"surface": _LAMBERT, "terrain": _STEEP, **_LOW}, bounces=3, samples=1024,
+          why=_DARK),
     Scene("deep shadow on the default mesh", _DEFAULT, bounces=3, samples=256, why=_COARSE),
-    Scene("the default mesh with flat facets", _DEFAULT, bounces=3, samples=1024, flat=True),
+    Scene("the default mesh with flat facets", _DEFAULT, bounces=3, samples=1024, why=_DARK, flat=True),
     Scene("opposition, Hapke", {"surface": _HAPKE, "hapke": {"backend": "OSL"}, "light": {
         "sun_elevation_deg": 40.0, "sun_azimuth_deg": 180.0}}),
     Scene("rocks, three bounces", {"surface": _LAMBERT, "rocks": {"coverage": 0.15}, "light": {
