@@ -8,7 +8,7 @@
 * ``coco``: left and right images, and ``annotations.json`` with a mask for each rock and each of the user's objects.
 * ``cahvor``, ``colmap``: images with camera models, see ``cameras``; ``fits``, ``tiff``: I/F, see ``radiance_factor``;
   ``ros2``: a bag, see ``ros_bag``.
-* ``webdataset``, ``sceneflow``: copies for training, see ``training``.
+* ``webdataset``, ``sceneflow``: copies for training, see ``training``; ``parquet-index``: a table of the pairs.
 * ``raw``: images, depth and calibration of the sensors, not rectified; see ``raw.write_raw``.
 
 Except in ``raw``, images are rectified and developed as for the matchers, but in colour if the sensor sees it; ``pfm``
@@ -37,6 +37,7 @@ from ..images.image_files import write_bytes, write_png
 from ..measure.prepare import Loaded, distinct_pairs, load
 from .cameras import write_cahvor, write_colmap
 from .encodings import KITTI_SCALE, MILLIMETRES, run_lengths, write_pfm, write_scaled
+from .parquet_index import write_parquet_index
 from .plug_in import PluginExport, find_plugins, pair_for_plugins
 from .radiance_factor import write_fits, write_tiff
 from .raw import write_raw
@@ -314,7 +315,7 @@ FORMATS: dict[str, Format] = {
     "kitti": _write_kitti, "middlebury": _pair_by_pair(_write_middlebury), "coco": _write_coco,
     "raw": _pair_by_pair(write_raw), "cahvor": _pair_by_pair(write_cahvor), "colmap": write_colmap,
     "fits": _pair_by_pair(write_fits), "tiff": _pair_by_pair(write_tiff), "ros2": write_ros2,
-    "webdataset": write_webdataset, "sceneflow": write_sceneflow}
+    "webdataset": write_webdataset, "sceneflow": write_sceneflow, "parquet-index": write_parquet_index}
 
 
 def write_truth(paths: Sequence[Path], out: Path) -> Iterator[dict[str, Any]]:

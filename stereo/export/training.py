@@ -51,16 +51,9 @@ class _Index:
 
     def add(self, pair: Loaded, split: str, shard: str) -> None:
         """Add a pair in a split and a file."""
-        depth, camera = pair.depth["left"], pair.pair.camera
-        known = np.isfinite(depth)
-        occluded = known & ~pair.visible["left"]
-        self.rows.append({
-            "key": pair.pair.id, "shard": shard, "split": split, "scene": scene_of(pair.pair),
-            "width_px": camera.width_px, "height_px": camera.height_px, "focal_px": camera.focal_px,
-            "baseline_m": camera.baseline_m, "sun_elevation_deg": pair.settings.light.sun_elevation_deg,
-            "seed": pair.settings.dataset.seed,
-            "depth_median_m": round(float(np.median(depth[known])), 4) if known.any() else "",
-            "occluded_share": round(float(occluded.sum() / max(1, known.sum())), 4)})
+        row = describe_row(pair, split)
+        self.rows.append({"shard": shard, **row, "depth_median_m": "" if row["depth_median_m"] is None else
+                          row["depth_median_m"]})
 
     def write(self, out: Path) -> None:
         """Write ``index.csv``."""
@@ -69,6 +62,19 @@ class _Index:
         writer.writeheader()
         writer.writerows(self.rows)
         write_text(out / "index.csv", table.getvalue())
+
+
+def describe_row(pair: Loaded, split: str) -> dict[str, Any]:
+    """What an index contains of a pair, by the names of its columns."""
+    depth, camera = pair.depth["left"], pair.pair.camera
+    known = np.isfinite(depth)
+    occluded = known & ~pair.visible["left"]
+    return {"key": pair.pair.id, "split": split, "scene": scene_of(pair.pair),
+            "width_px": camera.width_px, "height_px": camera.height_px, "focal_px": camera.focal_px,
+            "baseline_m": camera.baseline_m, "sun_elevation_deg": pair.settings.light.sun_elevation_deg,
+            "seed": pair.settings.dataset.seed,
+            "depth_median_m": round(float(np.median(depth[known])), 4) if known.any() else None,
+            "occluded_share": round(float(occluded.sum() / max(1, known.sum())), 4)}
 
 
 def write_webdataset(each: Each, out: Path) -> None:

@@ -1,0 +1,59 @@
+"""The export ``parquet-index``: a table of pairs, with where they are, their split, conditions and calibration.
+
+Written by the package pyarrow. It copies no image: a row leads to the folder of its pair.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ...errors import IcyMoonError
+from ...files import write_atomically
+from ...render.pairs.scene_splits import split_of_pair
+from ...settings.table import all_settings
+from ...typed_settings import Settings
+from ..measure.prepare import Loaded
+from .training import describe_row
+
+INDEX = "index.parquet"
+
+
+def write_parquet_index(each: Callable[[Callable[[Loaded], None]], None], out: Path) -> None:
+    """Write ``index.parquet``: the columns of ``index.csv`` of the other exports, ``folder`` (the pair's, from that of
+    the index), the principal point, and as ``topic.key`` each setting that is not the same in all pairs.
+
+    Raises IcyMoonError without the package pyarrow.
+    """
+    try:
+        import pyarrow
+        import pyarrow.parquet as parquet
+    except ImportError as error:
+        raise IcyMoonError(f"The export parquet-index needs the package pyarrow ({error}); pip install "
+                           "icymoon[parquet].") from None
+
+    rows: list[dict[str, Any]] = []
+    described: list[Settings] = []
+
+    def add(pair: Loaded) -> None:
+        folder = os.path.relpath(pair.pair.folder.resolve(), out.resolve())
+        camera = pair.pair.camera
+        rows.append({**describe_row(pair, split_of_pair(pair.pair)), "folder": Path(folder).as_posix(),
+                     "cx_px": camera.cx_px, "cy_px": camera.cy_px, "doffs_px": camera.doffs_px})
+        described.append(pair.pair.settings)
+
+    each(add)
+    varied = [(topic, s.key) for topic, s in all_settings()
+              if any(settings[topic][s.key] != described[0][topic][s.key] for settings in described)]
+    for row, settings in zip(rows, described, strict=True):
+        row.update({f"{topic}.{key}": _plain(settings[topic][key]) for topic, key in varied})
+    table = pyarrow.Table.from_pylist(rows)
+    write_atomically(out / INDEX, lambda part: parquet.write_table(table, part))
+
+
+def _plain(value: Any) -> Any:
+    """A value as a column takes it; lists of tables as text."""
+    return json.dumps(value) if isinstance(value, list | dict) else value
