@@ -966,7 +966,8 @@ def _topic_of(landform: PluginLandform) -> Topic:
     settings = []
     for n in landform.settings:
         label = f"{n.label} (°)" if n.unit == "deg" else n.label
-        kind: dict[str, Any] = {"subtype": "DISTANCE", "precision": 4} if n.unit == "m" else {}
+        kind: dict[str, Any] = ({"subtype": "DISTANCE", "precision": 4} if n.unit == "m" else
+                                {"precision": 2} if n.unit == "deg" else {})
         settings.append(Setting(n.key, label, n.default, n.doc, "geometry", n.unit, n.minimum, n.maximum, **kind))
     settings.append(Setting(RELEASE, "Made By", "", "Package and version that make the landform. Empty for what is "
                             "installed", "geometry", trust="name"))

@@ -21,9 +21,13 @@ from .result_row import NUMBERS, depth_of
 UNITS = ("", "%", "px", "m", "cm", "mm", "s", "deg", "1/m")
 
 
+#: Columns of a table of rows that are no metrics.
+_COLUMNS = ("pair", "method", "status", "error")
+
+
 def find_plugins() -> Found:
     """The metrics of packages that are installed in this Python."""
-    return find("metric", NUMBERS)
+    return find("metric", (*NUMBERS, *_COLUMNS))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The landform of a plug-in in Blender: its properties and its panel; and a scene that is opened without the package."""
+"""The landform of a plug-in in Blender: its properties, its panel, and its scene opened without the package."""
 
 import subprocess
 import sys

@@ -109,7 +109,8 @@ def test_one_that_cannot_be_used_is_left_out_aloud(evaluate, sources, said):
     assert report["plug_ins"] == []
 
 
-def test_one_with_the_name_of_ours_is_refused(evaluate):
-    _, _, report = evaluate(METRIC, name="l1_m")
+@pytest.mark.parametrize("name", ["l1_m", "status"])
+def test_one_with_the_name_of_ours_is_refused(evaluate, name):
+    _, _, report = evaluate(METRIC, name=name)
     assert any("Icy Moon has a metric of this name" in note for note in report["notes"])
     assert np.isfinite(report["summary"][0]["l1_m"])
