@@ -18,6 +18,7 @@ from ...errors import IcyMoonError
 from ...formats.fits import Image, encode_fits
 from ...formats.tiff_write import encode_tiff
 from ...labels import LIGHT_GROUPS
+from ...physics.light.sunlight import sun_colour
 from ...render.pairs.pair_folder import EYES
 from ..images.develop import scaled_radiance
 from ..images.image_files import write_bytes
@@ -40,8 +41,8 @@ class Photometry:
 
 
 def photometry_of(pair: Loaded, eye: str) -> Photometry:
-    """The photometry of an eye. Raises IcyMoonError if the pair does not contain the Sun or the camera's pose, or if no
-    sunlight falls on it."""
+    """The photometry of an eye. Raises IcyMoonError if the pair does not contain the Sun or the camera's pose, if no
+    sunlight falls on it, or if its light is no Sun but a lamp nearby."""
     sun = (pair.pair.data.get("light") or {}).get("sun") or {}
     pose = pair.pair.rectified_pose(eye)
     if "irradiance_wm2" not in sun or "direction_to_world" not in sun or pose is None:
@@ -51,6 +52,10 @@ def photometry_of(pair: Loaded, eye: str) -> Photometry:
     if not irradiance > 0:
         raise IcyMoonError(f"{pair.pair.folder}: no sunlight falls on this scene, so I/F is not defined; raise "
                            "light.sun_irradiance_wm2 or light.sun_scale.")
+    if pair.pair.settings.light.sun_distance_m:
+        raise IcyMoonError(f"{pair.pair.folder}: light falls off from a lamp at light.sun_distance_m, so there is no "
+                           "one irradiance, and I/F is not defined; render with the Sun (light.sun_distance_m 0).")
+    by_band = irradiance * sun_colour(float(pair.pair.settings.light.sun_temperature_k))
     view, camera, depth = pair.views[eye], pair.pair.camera, pair.depth[eye]
     toward_sun = np.array(sun["direction_to_world"], np.float64)
     toward_sun /= np.linalg.norm(toward_sun)
@@ -65,7 +70,7 @@ def photometry_of(pair: Loaded, eye: str) -> Photometry:
     normal = view.normal
     radiance = np.asarray(scaled_radiance(view, pair.pair, pair.settings.light), np.float64)
     return Photometry(
-        np.where(known[..., None], math.pi * radiance / irradiance, np.nan),
+        np.where(known[..., None], math.pi * radiance / by_band, np.nan),
         none if normal is None else angle(normal @ toward_sun),
         none if normal is None else angle((normal * back).sum(axis=-1)), angle(back @ toward_sun))
 

@@ -15,6 +15,7 @@ from icymoon.formats.cahvor import read_model
 from icymoon.formats.fits import Image, encode_fits
 from icymoon.physics.camera.lens_distortion import distort
 from icymoon.render.pairs.pair_folder import read_pair
+from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export.cameras import quaternion, rays_of
 from icymoon.stereo.export.layouts import export
 
@@ -160,6 +161,40 @@ def test_the_radiance_factor_is_that_of_its_formula(dataset, tmp_path):
     ray /= np.linalg.norm(ray)
     assert angles[row, column, 1] == pytest.approx(math.degrees(math.acos(-ray[2])), abs=1e-3)
     assert angles[row, column, 2] == pytest.approx(math.degrees(math.acos(-ray @ [0.6, 0.0, 0.8])), abs=1e-3)
+
+
+def test_the_radiance_factor_is_that_of_the_band_under_a_lamp_of_another_colour(dataset, tmp_path):
+    """Grey ground is as grey under a lamp of 3200 K, whose light is twice as red as blue."""
+    folder = pairs.write_pair(tmp_path / "lamp" / "pairs" / "0123456789ab", SCENE, RIG, settings=merged(
+        defaults(), {"light": {"sun_temperature_k": 3200.0}}))
+    data = json.loads((dataset / "pairs" / "0123456789ab" / "pair.json").read_text(encoding="utf-8"))
+    own = json.loads((folder / "pair.json").read_text(encoding="utf-8"))
+    own |= {key: data[key] for key in ("poses_rectified_to_world", "light")}
+    (folder / "pair.json").write_text(json.dumps(own), encoding="utf-8")
+    plain, lit = (cv2.imread(str(exported(root, tmp_path / root.name, "tiff") / "0123456789ab" /
+                                 "left_radiance_factor.tif"), cv2.IMREAD_UNCHANGED)
+                  for root in (dataset, tmp_path / "lamp"))
+    # Bands of one file are R, G, B, which OpenCV turns round. By Planck's law, relative to 5772 K.
+    ratio = (np.nanmean(plain / lit, axis=(0, 1)))[::-1]
+    wanted = np.array([planck(at, 3200.0) / planck(at, 5772.0) for at in (620e-9, 550e-9, 460e-9)])
+    # The constants of physics are rounded there.
+    assert ratio / ratio.mean() == pytest.approx(wanted / wanted.mean(), rel=1e-4)
+
+
+def planck(wavelength_m: float, kelvin: float) -> float:
+    """A black body's radiance, in any unit."""
+    return wavelength_m**-5 / math.expm1(6.62607015e-34 * 299792458.0 / (wavelength_m * 1.380649e-23 * kelvin))
+
+
+def test_there_is_no_radiance_factor_under_a_lamp_nearby(tmp_path, dataset):
+    folder = pairs.write_pair(tmp_path / "pairs" / "0123456789ab", SCENE, RIG, settings=merged(
+        defaults(), {"light": {"sun_distance_m": 3.0}}))
+    data = json.loads((dataset / "pairs" / "0123456789ab" / "pair.json").read_text(encoding="utf-8"))
+    own = json.loads((folder / "pair.json").read_text(encoding="utf-8"))
+    (folder / "pair.json").write_text(json.dumps(own | {key: data[key] for key in (
+        "poses_rectified_to_world", "light")}), encoding="utf-8")
+    (failure,) = export([tmp_path], "tiff", tmp_path / "out")
+    assert "light.sun_distance_m" in failure
 
 
 def test_fits_files_are_cards_and_blocks_with_the_bottom_row_first(dataset, tmp_path):
