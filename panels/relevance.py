@@ -43,6 +43,8 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
     group = getattr(root, topic)
     if topic == "terrain":
         return _is_terrain_shown(key, root)
+    if TOPICS[topic].parent == LANDFORMS:
+        return uses_landforms(root)
     if topic == "mesh":
         return bool(key == "kind" or group.kind == "GRADED")
     if topic == "hills" or (topic, key) == ("rocks", "beyond_px"):
@@ -77,8 +79,15 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
     return True
 
 
+def uses_landforms(root: Any) -> bool:
+    """Whether the ground can have landforms and layers of noise, which are heights above a map and not above a mesh."""
+    return bool(root.source.kind == "PROCEDURAL" or (root.source.kind == "HEIGHT_MAP" and root.source.detail))
+
+
 def _is_terrain_shown(key: str, root: Any) -> bool:
     source = root.source
+    if key == "layers" and not uses_landforms(root):
+        return False
     graded = source.kind == "PROCEDURAL" and root.mesh.kind == "GRADED"
     return bool((source.kind == "PROCEDURAL" and key != ("resolution" if graded else "body_radius_m"))
                 or (source.kind != "PROCEDURAL" and source.detail and key != "body_radius_m")

@@ -7,7 +7,7 @@ import bpy
 from ..operators import manual
 from ..settings.table import LANDFORMS, TOPICS, Topic
 from .fields import draw_sentence, draw_settings
-from .relevance import is_shown
+from .relevance import is_shown, uses_landforms
 from .sections import ADVANCED, ELSEWHERE, INSIDE, SECTIONS, Section, main_settings
 from .sidebar import FIRST, LAST, Sidebar
 from .topic_extras import AFTER, BEFORE
@@ -40,7 +40,9 @@ def _is_topic_shown(topic: str, root: object) -> bool:
     if topic == "hapke":
         used = [root.surface, *([root.rock_surface] if root.rocks.own_surface else [])]  # type: ignore[attr-defined]
         return any(surface.model == "HAPKE" for surface in used)
-    return topic != "hills" or any(is_shown(topic, setting.key, root) for setting in TOPICS[topic].settings)
+    if topic != "hills" and TOPICS[topic].parent != LANDFORMS:
+        return True
+    return any(is_shown(topic, setting.key, root) for setting in TOPICS[topic].settings)
 
 
 class _SectionPanel(Sidebar):
@@ -67,6 +69,10 @@ class ICYMOON_PT_landforms(Sidebar, bpy.types.Panel):
     page = manual.page_of_topic("terrain")
     bl_options = {"DEFAULT_CLOSED"}
     bl_parent_id = "ICYMOON_PT_terrain"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return uses_landforms(context.scene.icymoon)
 
     def draw(self, context: bpy.types.Context) -> None:
         group = context.scene.icymoon

@@ -13,6 +13,7 @@ from icymoon.physics.camera.colour import channel_rates
 from icymoon.physics.camera.particle_hits import draw_hits
 from icymoon.physics.camera.sensor import exposure_s
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
+from icymoon.physics.terrain.fine_detail import displace
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.table import LANDFORMS, TOPICS
 
@@ -89,6 +90,21 @@ def test_the_exposure_of_a_motion_is_grey_unless_something_moves():
             assert blur_of(merged(defaults(), {"rig": {moving: speed, "motion_exposure_s": 0.1}})) is not None
 
 
+@pytest.mark.parametrize(("source", "shown"), [
+    ({}, True), ({"kind": "MESH", "detail": True}, False), ({"kind": "STAND_IN"}, False),
+    ({"kind": "HEIGHT_MAP"}, False), ({"kind": "HEIGHT_MAP", "detail": True}, True)], ids=str)
+def test_landforms_are_hidden_for_ground_that_has_none(source, shown):
+    assert is_shown("ridges", "height_m", root(source=source)) == shown
+    assert is_shown("terrain", "layers", root(source=source)) == shown
+
+
+def test_roughness_on_a_mesh_has_no_landforms():
+    points = np.random.default_rng(1).uniform(-1.0, 1.0, (20, 3))
+    plain, ridged = (merged(defaults(), {"ridges": {"height_m": height_m}}) for height_m in (0.0, 1.0))
+    up = np.tile([0.0, 0.0, 1.0], (20, 1))
+    assert np.array_equal(displace(points, up, plain, 1), displace(points, up, ridged, 1))
+
+
 @pytest.mark.parametrize("topic", [name for name, topic in TOPICS.items() if topic.parent == LANDFORMS])
 def test_a_landform_that_there_is_none_of_has_but_the_setting_that_makes_some(topic):
     keys = [setting.key for setting in TOPICS[topic].settings]
@@ -107,7 +123,7 @@ CASES = [
     ("terrain", {}, "but", {"resolution"}), ("terrain", {"mesh": {"kind": "GRID"}}, "but", {"body_radius_m"}),
     ("terrain", {"source": {"kind": "MESH"}}, "only", set()),
     ("terrain", {"source": {"kind": "HEIGHT_MAP"}}, "only", {"size_m", "resolution"}),
-    ("terrain", {"source": {"kind": "MESH", "detail": True}}, "but", {"body_radius_m"}),
+    ("terrain", {"source": {"kind": "MESH", "detail": True}}, "but", {"body_radius_m", "layers"}),
     ("terrain", {"source": {"kind": "HEIGHT_MAP", "detail": True}}, "but", {"body_radius_m"}),
     ("mesh", {}, "but", set()), ("mesh", {"mesh": {"kind": "GRID"}}, "only", {"kind"}),
     ("hills", {}, "only", {"rms_slope_deg"}), ("hills", {"hills": {"rms_slope_deg": 1.0}}, "but", set()),
