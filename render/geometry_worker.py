@@ -10,6 +10,7 @@ with the normals that shading uses; or maps (``dem``), see ``ground_files``.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ import bpy
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..files import write_json
+from ..files import explain_disk_errors, write_json
 from ..labels import PLANET, SEMANTIC
 from ..nodes.datablocks.blend_file_paths import content
 from ..nodes.scene import Built, extra
@@ -144,6 +145,18 @@ def _collect(scene: bpy.types.Scene) -> dict[str, Triangles]:
     return {kind: found.join() for kind, found in kinds.items()}
 
 
+@contextmanager
+def _own_folder(folder: Path) -> Iterator[Path]:
+    """The folder of a pair, which does not stay if it gets no file."""
+    with explain_disk_errors("write to", folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    try:
+        yield folder
+    finally:
+        with suppress(OSError):  # it has files
+            folder.rmdir()
+
+
 def _without_quality(planned: PlannedPair) -> PlannedPair:
     """The same ground, asked for so that any Blender can make it: without denoiser, graphics card and OSL.
 
@@ -167,7 +180,8 @@ def run_job(job: dict[str, Any], folder: Path, send: Callable[..., None] = emit,
         for k, planned in enumerate(pairs):
             send("progress", fraction=k / len(pairs), message=f"Geometry {k + 1} of {len(pairs)}")
             built, scene, _ = source.prepare(_without_quality(planned))
-            write_geometry(built, scene, folder / planned.id, kind, cell_m)
+            with _own_folder(folder / planned.id) as own:
+                write_geometry(built, scene, own, kind, cell_m)
     send("done", folders=[str(folder / planned.id) for planned in pairs])
 
 

@@ -93,6 +93,20 @@ def test_the_albedo_of_a_plain_surface_is_that_of_its_law(changes, tmp_path):
     assert np.unique(tiff_values(folder / "albedo.tif")) == pytest.approx(wanted, abs=1e-5)
 
 
+def test_patches_of_hapkes_ground_are_between_the_albedos_of_their_w(tmp_path):
+    varied = {"surface": {"model": "HAPKE", "albedo_variation": 0.6, "trough_dirt": 0.0, "slope_dirt": 0.0,
+                          "salt_share": 0.0, "ice_colour": "GREY"}, "terrain": {"resolution": 9}}
+    folder, _ = written(tmp_path, "dem", varied, cell_m=0.5)
+    settings = complete(varied)
+    found = tiff_values(folder / "albedo.tif")
+    least = albedos(settings.surface, settings.hapke | {"w": 0.4 * settings.hapke.w}).bond
+    most = albedos(settings.surface, settings.hapke).bond
+    assert least < found.min() < found.max() < most
+    # Far from proportional to w: half of the light is scattered more than once.
+    middle = albedos(settings.surface, settings.hapke | {"w": 0.7 * settings.hapke.w}).bond
+    assert middle < 0.6 * most
+
+
 def tiff_values(path):
     """The values of a TIFF file, read by OpenCV."""
     cv2 = pytest.importorskip("cv2")
@@ -129,4 +143,10 @@ def test_meshes_have_the_sites_axes_in_blenders_formats(own_files, tmp_path):
 def test_cells_that_are_too_small_are_refused(tmp_path):
     with pytest.raises(IcyMoonError, match=r"give .* m or more"):
         run_job({"settings": SMALL}, tmp_path, lambda *a, **k: None, "dem", 1e-5)
-    assert not any(tmp_path.rglob("*.tif"))
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_file_in_the_way_is_a_sentence(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(IcyMoonError, match="file"):
+        run_job({"settings": SMALL}, tmp_path / "file", lambda *a, **k: None, "ply")
