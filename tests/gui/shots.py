@@ -262,10 +262,6 @@ def walk() -> Waiting:
         yield from in_both_themes(state.__name__, sheet)
         if state is built:
             yield from at_double_size(state.__name__)
-    stand_ins()
-    yield from make_narrow(70)
-    yield from sheet("narrow_stand_ins")
-    yield from make_narrow(-70)
     yield from rendering()
     yield from in_both_themes("rendering", picture)
     yield from cancelled()
@@ -285,6 +281,9 @@ def walk() -> Waiting:
         yield from person.close_second_window("the preferences")
 
     yield from in_both_themes("preferences", preferences)
+    stand_ins()
+    yield from make_narrow(70)
+    yield from sheet("narrow_stand_ins")
 
 
 def for_the_manual() -> Waiting:
