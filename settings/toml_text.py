@@ -10,6 +10,7 @@ from typing import Any
 
 from ..errors import IcyMoonError
 from ..files import read_text
+from ..plugins.landforms import PREFIX, RELEASE
 from .table import Value
 
 
@@ -30,9 +31,14 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def to_toml(settings: Mapping[str, Mapping[str, Value]]) -> str:
-    """A description as TOML text that ``load`` reads back to the same values."""
+    """A description as TOML text that ``load`` reads back to the same values.
+
+    A landform of a plug-in that is off is left out, so that whoever lacks the plug-in can read the text.
+    """
     lines = []
     for topic, values in settings.items():
+        if topic.startswith(PREFIX) and values.get(RELEASE) == "":
+            continue
         lines.append(f"[{topic}]")
         # The lists of tables come last: what follows a [[table]] header belongs to that table.
         lines += [f"{key} = {toml_value(value)}" for key, value in values.items()

@@ -1,12 +1,15 @@
 """Finding plug-ins among installed packages, and what is refused."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from icymoon.bundled_wheels import VARIABLE
 from icymoon.errors import IcyMoonError
 from icymoon.plugins.installed import find, function_of, load, summary_of
+from icymoon.version import ROOT
 from plugin_packages import MATCHER, add_package
 
 
@@ -97,6 +100,15 @@ def test_a_module_in_the_current_folder_does_not_stand_for_an_installed_one(tmp_
     done = subprocess.run([sys.executable, "-c", program, str(installed)], cwd=dataset, capture_output=True, text=True,
                           check=True, timeout=60)
     assert done.stdout.strip() == "Twelve everywhere."  # and the search path is as it was, with '' first
+
+
+def test_the_evaluator_of_a_store_build_finds_those_in_other_extensions(tmp_path, monkeypatch):
+    """Blender unpacks the wheels of all extensions into one folder."""
+    add_package(tmp_path, monkeypatch, "matcher", "twelve", MATCHER)
+    monkeypatch.setenv(VARIABLE, f"{sys.prefix}{os.pathsep}{tmp_path}")
+    done = subprocess.run([sys.executable, str(ROOT / "__main__.py"), "check-plugin"], capture_output=True, text=True,
+                          check=True, timeout=60)
+    assert "matcher twelve, icymoon-test-twelve 1.0" in done.stdout
 
 
 def test_a_damaged_package_hides_no_other(tmp_path, monkeypatch):

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import tomllib
 
 import pytest
 from icymoon.errors import IcyMoonError
@@ -26,6 +27,7 @@ def with_plugin(tmp_path_factory):
     def run(code):
         program = ("import json, sys; sys.path.append(sys.argv[1])\nfrom icymoon.errors import IcyMoonError\n"
                    "from icymoon.settings.description import *\nfrom icymoon.settings.table import TOPICS\n"
+                   "from icymoon.settings.toml_text import to_toml\n"
                    "def said(act):\n    try:\n        act()\n    except IcyMoonError as error:\n"
                    "        return str(error)\n" + code)
         done = subprocess.run([sys.executable, "-c", program, str(site)], capture_output=True, text=True, check=False,
@@ -56,6 +58,7 @@ print(json.dumps({
     "range": said(lambda: override("landform_waves.height_m=11")),
     "key": said(lambda: override("landform_waves.hight_m=1")),
     "labels": [[s.key, s.label, s.unit, s.effect] for s in TOPICS["landform_waves"].settings],
+    "toml": to_toml(on), "toml_off": to_toml(off),
     "parent": TOPICS["landform_waves"].parent,
 }))""")
 
@@ -79,6 +82,15 @@ def test_another_release_is_refused_where_it_is_stated_and_kept_where_it_was_sto
                                "installed; install icymoon-wave-landform 0.9, or leave landform_waves.made_by out for "
                                f"the ground of {RELEASE}.")
     assert there["restored_other"] == "icymoon-wave-landform 0.9"
+
+
+def test_settings_as_text_have_it_only_where_it_is_on(there):
+    """So that whoever lacks the package can read those of any other scene."""
+    stated = tomllib.loads(there["toml"])
+    assert stated.pop("landform_waves") == there["table"]
+    off = tomllib.loads(there["toml_off"])
+    assert off == stated
+    assert digest(check(off, "scene.toml")) == there["default"]
 
 
 def test_its_settings_are_checked_and_shown_as_ours_are(there):
