@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import math
 
+import cv2
+import numpy as np
 import pytest
 from icymoon.commands.cli import main
 from icymoon.commands.validate import choose_comparisons
@@ -83,6 +85,11 @@ def test_a_bad_file_is_one_sentence(tmp_path, text, word):
         file.write_text(text, encoding="utf-8")
     with pytest.raises(IcyMoonError, match=word):
         load_own_comparison(file)
+
+
+def test_a_picture_is_a_png_file_in_the_folder(tmp_path):
+    Bench(tmp_path).draw("one", np.full((3, 4, 3), 7, np.uint8))
+    assert (cv2.imread(str(tmp_path / "pictures" / "one.png")) == np.full((3, 4, 3), 7)).all()
 
 
 def test_choosing(tmp_path):
