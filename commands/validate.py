@@ -29,6 +29,8 @@ def add_verbs(verbs: Any) -> None:
     verb.add_argument("--quick", action="store_true", help="only what takes a minute, with fewer cases")
     verb.add_argument("--own", action="append", default=[], type=as_path, metavar="FILE.py", dest="own_files",
                       help="Python file with a comparison of your own, which is run; may repeat")
+    verb.add_argument("--polar", type=as_path, metavar="FOLDER", help="labels and scanned rocks of POLAR-Sim, a real "
+                      "scene that is rendered again; see Validation in the manual")
     verb.add_argument("--out", type=as_path, default=Path("out/validation"), help="folder for renders, the tables "
                       "validation.json and validation.md, and pictures (%(default)s)")
     verb.add_argument("--page", type=as_path, metavar="FILE.md",
@@ -53,6 +55,11 @@ def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) ->
 def _run_validate(options: argparse.Namespace) -> int:
     packages.require("numpy", "cv2", "OpenEXR")
     chosen = choose_comparisons(options.only, options.own_files, options.quick)
+    without = [each for each in chosen if each.needs and each.name not in options.only
+               and getattr(options, each.needs) is None]
+    for each in without:
+        print(f"{each.title}: left out, because it needs data; give their folder by --{each.needs}.", file=sys.stderr)
+    chosen = [each for each in chosen if each not in without]
     if options.page and not options.page.is_file():
         raise IcyMoonError(f"--page: there is no page {options.page}; give one that exists.")
     out = options.out.absolute()
@@ -74,13 +81,13 @@ def _run_validate(options: argparse.Namespace) -> int:
 
 def _run_one(comparison: Comparison, out: Path, options: argparse.Namespace) -> Result:
     if options.json:
-        return run_comparison(comparison, Bench(out, options.blender, options.quick))
+        return run_comparison(comparison, Bench(out, options.blender, options.quick, polar=options.polar))
     with show_progress(comparison.title) as show:
         def say(message: dict[str, Any]) -> None:
             if message["type"] == "progress":
                 show(message)
 
-        result = run_comparison(comparison, Bench(out, options.blender, options.quick, say))
+        result = run_comparison(comparison, Bench(out, options.blender, options.quick, say, options.polar))
         show({"type": "done"})
     _print_result(result)
     return result

@@ -32,7 +32,7 @@ PURE = (
     "stereo/environment", "stereo/images", "stereo/measure", "stereo/networks",
     "stereo/adapters", "stereo/matchers",
     "stereo/export", "stereo/datasets", "stereo/report", "stereo/trade", "stereo",
-    "validation", "commands", "library")
+    "validation/polar", "validation", "commands", "library")
 WITH_BLENDER = (
     "compat", "scene_properties",
     "nodes/tree", "nodes/datablocks", "nodes/light", "nodes/ground", "nodes/surface", "nodes",

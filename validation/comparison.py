@@ -75,12 +75,16 @@ Say = Callable[[dict[str, Any]], None]
 
 @dataclass(frozen=True)
 class Bench:
-    """What a comparison may use: a folder for its files, a Blender, and whether it is to be ``quick``."""
+    """What a comparison may use: a folder for its files, a Blender, and whether it is to be ``quick``.
+
+    ``polar`` is the user's folder of the POLAR data, None if there is none.
+    """
 
     folder: Path
     blender: str = sys.executable
     quick: bool = False
     say: Say = field(default=lambda message: None)
+    polar: Path | None = None
 
     def render(self, described: Sequence[Settings]) -> list[Pair]:
         """The first pair of each of these complete descriptions, rendered in one worker.
@@ -107,7 +111,8 @@ class Bench:
 class Comparison:
     """A comparison: ``name`` on the command line, title and a paragraph for the page, and what makes its rows.
 
-    One that is not ``quick`` is left out of a quick run; the others may look at fewer cases there.
+    One that is not ``quick`` is left out of a quick run; the others may look at fewer cases there. One that ``needs``
+    data names the option that gives their folder; without it, a run of all comparisons leaves it out.
     """
 
     name: str
@@ -115,6 +120,13 @@ class Comparison:
     text: str
     compare: Callable[[Bench], list[Row]]
     quick: bool = True
+    needs: str = ""
+
+    @property
+    def command(self) -> str:
+        """The command that makes it."""
+        data = f" --{self.needs} FOLDER" if self.needs else ""
+        return f"python -m icymoon validate{data} --only {self.name}"
 
 
 @dataclass(frozen=True)

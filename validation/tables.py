@@ -45,7 +45,7 @@ def summary(result: Result) -> str:
 def markdown_section(result: Result) -> str:
     """The section of a comparison on the page, without what differs from run to run."""
     comparison = result.comparison
-    command = f"`python -m icymoon validate --only {comparison.name}`"
+    command = f"`{comparison.command}`"
     lines = [f"## {comparison.title}", "", *textwrap.wrap(comparison.text, 120), "", command, ""]
     if result.error:
         return "\n".join([*lines, f"Not made: {result.error}", ""])

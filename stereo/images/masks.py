@@ -1,0 +1,56 @@
+"""Masks of rocks and shadows: from polygons, from triangles, and how two of them agree."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+#: Fractional bits of the corners that OpenCV fills.
+_BITS = 4
+
+
+def _fixed(corners: np.ndarray) -> np.ndarray:
+    # A pixel's centre is at a half here and at a whole number in OpenCV.
+    return np.round((np.asarray(corners) - 0.5) * 2**_BITS).astype(np.int32)
+
+
+def fill_polygons(shape: tuple[int, int], outlines: Sequence[np.ndarray], finer: int = 1) -> np.ndarray:
+    """Mask (H, W) of the union of polygons (n, 2) in pixels.
+
+    OpenCV fills every pixel that an edge touches. With ``finer``, an odd number, it does so on a grid that is finer by
+    that, of which the middles of our pixels are taken: those that are inside, to 1 / ``finer`` of a pixel.
+    """
+    mask = np.zeros((shape[0] * finer, shape[1] * finer), np.uint8)
+    for each in outlines:
+        cv2.fillPoly(mask, [_fixed(np.asarray(each) * finer)], (1,), shift=_BITS)
+    return mask[finer // 2::finer, finer // 2::finer].astype(bool)
+
+
+def fill_triangles(shape: tuple[int, int], corners: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Mask (H, W) of the union of triangles ``faces`` (m, 3) of ``corners`` (n, 2) in pixels."""
+    mask, at = np.zeros(shape, np.uint8), _fixed(corners)
+    for face in faces:
+        cv2.fillConvexPoly(mask, at[face], (1,), shift=_BITS)
+    return mask.astype(bool)
+
+
+def fill_hulls(shape: tuple[int, int], parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Mask (H, W) of the union of the convex hulls of points (n, 2) in pixels."""
+    mask = np.zeros(shape, np.uint8)
+    for each in parts:
+        cv2.fillConvexPoly(mask, cv2.convexHull(_fixed(each)), (1,), shift=_BITS)
+    return mask.astype(bool)
+
+
+def overlap(one: np.ndarray, other: np.ndarray) -> float:
+    """Intersection over union of two masks; NaN if both are empty."""
+    union = np.count_nonzero(one | other)
+    return np.count_nonzero(one & other) / union if union else float("nan")
+
+
+def inside_px(point: np.ndarray, around: np.ndarray) -> float:
+    """How far a point (2,) is inside the convex hull of points (n, 2), in pixels; negative outside."""
+    hull = cv2.convexHull(np.asarray(around, np.float32))
+    return float(cv2.pointPolygonTest(hull, (float(point[0]), float(point[1])), True))

@@ -1,0 +1,44 @@
+"""Masks of polygons and triangles, and how they agree."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from icymoon.stereo.images.masks import fill_hulls, fill_polygons, fill_triangles, inside_px, overlap
+
+SQUARE = np.array([[2.0, 3.0], [7.0, 3.0], [7.0, 9.0], [2.0, 9.0]])
+
+
+def test_a_fine_fill_has_the_pixels_whose_middles_are_inside():
+    mask = fill_polygons((12, 10), [SQUARE], finer=5)
+    expected = np.zeros((12, 10), bool)
+    expected[3:9, 2:7] = True
+    assert np.array_equal(mask, expected)
+    # A coarse one has those that an edge touches too, never fewer.
+    assert (fill_polygons((12, 10), [SQUARE]) >= expected).all()
+
+
+def test_fills_of_one_shape_agree():
+    circle = 20 + 12.3 * np.stack([np.cos(np.linspace(0, 6.28, 90)), np.sin(np.linspace(0, 6.28, 90))], axis=1)
+    fine = fill_polygons((40, 40), [circle], finer=5)
+    assert fine.sum() == pytest.approx(math.pi * 12.3**2, rel=0.02)
+    corners = np.concatenate([circle, [[20.0, 20.0]]])
+    fan = np.array([[k, (k + 1) % 90, 90] for k in range(90)])
+    of_triangles, of_hull = fill_triangles((40, 40), corners, fan), fill_hulls((40, 40), [circle])
+    assert overlap(of_triangles, of_hull) > 0.97
+    assert overlap(fine, of_hull) > 0.88  # half a pixel all around is 8 %
+
+
+def test_overlap():
+    one, other = np.zeros((4, 4), bool), np.zeros((4, 4), bool)
+    assert math.isnan(overlap(one, other))
+    one[:2], other[1:3] = True, True
+    assert overlap(one, other) == pytest.approx(1 / 3)
+    assert overlap(one, one) == 1.0
+
+
+def test_how_far_inside():
+    assert inside_px(np.array([4.0, 6.0]), SQUARE) == pytest.approx(2.0)
+    assert inside_px(np.array([0.0, 6.0]), SQUARE) == pytest.approx(-2.0)

@@ -1,0 +1,268 @@
+"""The stereo camera of the photographs, fitted to the outlines of the rocks.
+
+The fit has a focal length and a principal point for each eye, two terms of radial distortion for both, the right eye's
+turn and place beside the left one, and a pose of the left eye for each position. The survey is where it starts.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from .data_set import (
+    EYES,
+    HEIGHT_PX,
+    ROCK,
+    SURVEYED_BASELINE_M,
+    SURVEYED_EYES,
+    SURVEYED_PITCH_DEG,
+    SURVEYED_YAW_DEG,
+    WIDTH_PX,
+    Rock,
+    Terrain,
+    View,
+)
+
+_CENTRE = np.array([WIDTH_PX, HEIGHT_PX]) / 2
+#: Directions in the image in which outlines are compared: the upper half, since sand hides the feet of rocks.
+_ANGLES = np.radians(np.arange(0.0, 181.0, 15.0))
+_TOWARD = np.stack([np.cos(_ANGLES), -np.sin(_ANGLES)])
+#: Part of a scan's height that may be sand and is left out.
+_SAND_SHARE = 0.25
+#: Of one fit after another: distances in pixels within which an outline belongs to a rock, and beyond which it counts
+#: less.
+_ROUNDS = ((60.0, 15.0), (40.0, 8.0), (30.0, 5.0), (30.0, 4.0))
+_CORE_PX = 10.0
+#: Of the shared parameters: focal length, principal point of left and right eye, distortion, turn and place of the
+#: right eye. Their steps for derivatives, and how far they are expected off their start.
+_SHARED_STEPS = (1.0,) * 6 + (1e-3,) * 2 + (1e-4,) * 6
+_SHARED_PRIOR = (200.0, 15.0, 15.0, 200.0, 15.0, 15.0, 0.3, 0.3, 0.02, 0.02, 0.02, 0.03, 0.02, 0.02)
+_POSE_STEPS = (0.01,) * 3 + (1e-3,) * 3
+_POSE_PRIOR = (20.0, 20.0, 10.0, 1.0, 1.0, 1.0)
+_SHARED = len(_SHARED_STEPS)
+
+
+def turned(yaw_deg: float, pitch_deg: float, roll_deg: float) -> np.ndarray:
+    """From world to camera axes (3, 3), OpenCV's: yaw from +X over +Y, pitch down, roll clockwise about the axis."""
+    yaw, pitch, roll = (math.radians(angle) for angle in (yaw_deg, pitch_deg, roll_deg))
+    forward = np.array([math.cos(yaw) * math.cos(pitch), math.sin(yaw) * math.cos(pitch), -math.sin(pitch)])
+    right = np.array([math.sin(yaw), -math.cos(yaw), 0.0])
+    about = np.array([[math.cos(roll), math.sin(roll), 0.0], [-math.sin(roll), math.cos(roll), 0.0], [0.0, 0.0, 1.0]])
+    return about @ np.stack([right, np.cross(forward, right), forward])
+
+
+def _small_turn(vector: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3) about a vector by its length in radians (Rodrigues)."""
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector / angle if angle else vector
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
+
+
+@dataclass(frozen=True)
+class Eye:
+    """A pinhole with distortion: focal length and principal point in pixels, k1 and k2, pose from world to camera."""
+
+    focal_px: float
+    centre_px: np.ndarray
+    k1: float
+    k2: float
+    turn: np.ndarray
+    place_m: np.ndarray
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Pixels (n, 2) of points (n, 3) in metres, OpenCV's Brown-Conrady model."""
+        inside = (points - self.place_m) @ self.turn.T
+        plane = inside[:, :2] / inside[:, 2:]
+        r2 = (plane**2).sum(axis=1, keepdims=True)
+        return np.asarray(plane * (1 + self.k1 * r2 + self.k2 * r2**2) * self.focal_px + self.centre_px)
+
+    def rays(self, pixels: np.ndarray) -> np.ndarray:
+        """Directions (n, 3) in camera axes, z 1, of pixels (n, 2): the distortion undone by iteration."""
+        bent = (pixels - self.centre_px) / self.focal_px
+        plane = bent.copy()
+        for _ in range(20):
+            r2 = (plane**2).sum(axis=1, keepdims=True)
+            plane = bent / (1 + self.k1 * r2 + self.k2 * r2**2)
+        return np.concatenate([plane, np.ones((len(plane), 1))], axis=1)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The fitted eyes by view, and what is left: distances in pixels between outlines and projected rocks."""
+
+    eyes: dict[View, Eye]
+    left_px: np.ndarray
+
+    @property
+    def baseline_m(self) -> float:
+        """Distance of the eyes."""
+        position = next(iter(self.eyes)).position
+        left, right = (self.eyes[View(position, eye)].place_m for eye in EYES)
+        return float(np.linalg.norm(right - left))
+
+    @property
+    def matched_share(self) -> float:
+        """Share of the compared outline points within 10 px."""
+        return float((np.abs(self.left_px) < _CORE_PX).mean())
+
+    @property
+    def median_px(self) -> float:
+        """Median of the distances."""
+        return float(np.median(np.abs(self.left_px)))
+
+
+def _eye(x: np.ndarray, position: str, eye: str, pose: np.ndarray) -> Eye:
+    turn = turned(SURVEYED_YAW_DEG[position] + pose[0], pose[1], pose[2])
+    place = np.array(SURVEYED_EYES[position][0]) + pose[3:]
+    if eye == "L":
+        return Eye(x[0], _CENTRE + x[1:3], x[6], x[7], turn, place)
+    # In the left eye's axes a point at q is at turn' q - shift in the right eye's.
+    beside = _small_turn(x[8:11])
+    return Eye(x[3], _CENTRE + x[4:6], x[6], x[7], beside @ turn, place + turn.T @ beside.T @ x[11:14])
+
+
+def extreme_points(points: np.ndarray, count: int = 300) -> np.ndarray:
+    """Those of the points (n, 3) that are farthest in some of many directions, which alone can be outline."""
+    k = np.arange(count) + 0.5
+    polar, around = np.arccos(1 - 2 * k / count), np.pi * (1 + math.sqrt(5)) * k
+    toward = np.stack([np.cos(around) * np.sin(polar), np.sin(around) * np.sin(polar), np.cos(polar)])
+    return np.asarray(points[np.unique((points @ toward).argmax(axis=0))])
+
+
+def _visible_part(rock: Rock) -> np.ndarray:
+    heights = rock.vertices[:, 2]
+    low = heights.min() + _SAND_SHARE * np.ptp(heights)
+    return extreme_points(rock.vertices[heights > low])
+
+
+def _middles(outlines: Sequence[np.ndarray]) -> np.ndarray:
+    return np.array([(each.min(axis=0) + each.max(axis=0)) / 2 for each in outlines]).reshape(-1, 2)
+
+
+def _solve(x: np.ndarray, residual: Callable[[np.ndarray], np.ndarray], weight: np.ndarray, steps: np.ndarray,
+           start: np.ndarray, strength: np.ndarray) -> np.ndarray:
+    """One step of Gauss and Newton, with ``strength`` that holds parameters at their start."""
+    at = residual(x)
+    slope = np.stack([(residual(x + step * unit) - at) / step
+                      for step, unit in zip(steps, np.eye(len(x)), strict=True)], axis=1)
+    left = (slope.T * weight) @ slope + np.diag(strength)
+    return np.asarray(x - np.linalg.solve(left, (slope.T * weight) @ at + strength * (x - start)))
+
+
+_COARSE_STEPS = np.array([1.0, *_POSE_STEPS, 0.1, 0.1])
+
+
+def _find_pose(terrain: Terrain, position: str, starts: Sequence[np.ndarray],
+               prior: np.ndarray) -> tuple[float, np.ndarray]:
+    """A pose for a position from the middles of rocks, and how many of them it meets.
+
+    Parameters are the focal length, the six of the pose, and how the right eye's principal point is off.
+    """
+    middles = np.array([(rock.vertices.min(axis=0) + rock.vertices.max(axis=0)) / 2 for rock in terrain.rocks])
+    seen = [_middles([outline for azimuth in terrain.azimuths
+                      for outline in terrain.polygons(View(position, eye), azimuth, ROCK)]) for eye in EYES]
+    if not all(map(len, seen)):
+        raise IcyMoonError(f"Terrain {terrain.name}, position {position}: no rock is outlined; add its labels.")
+
+    def projected(x: np.ndarray) -> list[np.ndarray]:
+        shared = np.array([x[0], 0, 0, x[0], x[7], x[8], 0, 0, 0, 0, 0, SURVEYED_BASELINE_M, 0, 0])
+        return [_eye(shared, position, eye, x[1:7]).project(middles) for eye in EYES]
+
+    def distances(x: np.ndarray) -> list[np.ndarray]:
+        return [np.linalg.norm(a[:, None] - b[None], axis=2) for a, b in zip(projected(x), seen, strict=True)]
+
+    best = (-1.0, starts[0])
+    for start in starts:
+        x = start.copy()
+        for turn in range(30):
+            width = max(12.0, 200.0 * 0.85**turn)
+            apart = distances(x)
+            target = [b[each.argmin(axis=1)] for b, each in zip(seen, apart, strict=True)]
+            weight = np.repeat(np.concatenate([1 / (1 + (each.min(axis=1) / width) ** 2) for each in apart]), 2)
+
+            def residual(y: np.ndarray, target: list[np.ndarray] = target) -> np.ndarray:
+                return np.concatenate([a - b for a, b in zip(projected(y), target, strict=True)]).ravel()
+
+            x = _solve(x, residual, weight, _COARSE_STEPS, start, 25 / prior**2)
+        score = float(sum((1 / (1 + (each.min(axis=1) / 10) ** 2)).sum() for each in distances(x)))
+        best = max(best, (score, x), key=lambda found: found[0])
+    return best
+
+
+def _find_poses(terrain: Terrain) -> dict[str, np.ndarray]:
+    """Coarse poses: the position that is met best, then the others, starting from its lens and tilt."""
+    wide = [np.array([focal, yaw, pitch, 0, 0, 0, 0, 0, 0], np.float64) for focal, pitch, yaw in itertools.product(
+        (1900.0, 2200.0), (SURVEYED_PITCH_DEG - 3, SURVEYED_PITCH_DEG, SURVEYED_PITCH_DEG + 3), (-6.0, 0.0, 6.0))]
+    found = {position: _find_pose(terrain, position, wide, np.array([300, 10, 5, 2, 0.5, 0.5, 0.3, 20, 20]))
+             for position in terrain.positions}
+    anchor = max(found, key=lambda position: found[position][0])
+    near = [found[anchor][1] + np.array([0, yaw, pitch, 0, 0, 0, 0, 0, 0]) for yaw, pitch in itertools.product(
+        (-4.0, -2.0, 0.0, 2.0, 4.0), (-2.0, 0.0, 2.0))]
+    for position in found.keys() - {anchor}:
+        found[position] = max(found[position], _find_pose(
+            terrain, position, near, np.array([60, 5, 2, 1, 0.5, 0.5, 0.3, 3, 3])), key=lambda each: each[0])
+    return {position: x for position, (_, x) in found.items()}
+
+
+def calibrate(terrain: Terrain) -> Calibration:
+    """Fit the camera. Raises IcyMoonError if fewer than half of the outlines meet rocks within 10 px."""
+    poses, positions = _find_poses(terrain), terrain.positions
+    parts = [_visible_part(rock) for rock in terrain.rocks]
+    points, ends = np.concatenate(parts), np.cumsum([0, *map(len, parts)])[:-1]
+    first = poses[positions[0]]
+    x = np.array([first[0], 0, 0, first[0], first[7], first[8], 0, 0, 0, 0, 0, SURVEYED_BASELINE_M, 0, 0,
+                  *np.concatenate([poses[position][1:7] for position in positions])])
+    start = x.copy()
+    start[4:6] = 0.0
+    steps = np.array([*_SHARED_STEPS, *_POSE_STEPS * len(positions)])
+    prior = np.array([*_SHARED_PRIOR, *_POSE_PRIOR * len(positions)])
+
+    def eye_of(y: np.ndarray, view: View) -> Eye:
+        k = _SHARED + 6 * positions.index(view.position)
+        return _eye(y, view.position, view.eye, y[k:k + 6])
+
+    def supports(y: np.ndarray, view: View) -> np.ndarray:
+        return np.asarray(np.maximum.reduceat(eye_of(y, view).project(points) @ _TOWARD, ends))
+
+    for reach, width in _ROUNDS:
+        targets = {view: _outline_supports(terrain, view, _middles(np.split(
+            eye_of(x, view).project(points), ends[1:])), reach) for view in terrain.views}
+
+        known = np.concatenate([np.isfinite(target).ravel() for target in targets.values()])
+        if not known.any():
+            raise IcyMoonError(f"Terrain {terrain.name}: no outline is near a rock, so the camera cannot be fitted; "
+                               "check that labels and rocks are of one terrain.")
+
+        def residual(y: np.ndarray, targets: dict[View, np.ndarray] = targets,
+                     known: np.ndarray = known) -> np.ndarray:
+            return np.concatenate([(supports(y, view) - target).ravel() for view, target in targets.items()])[known]
+
+        for _ in range(6):
+            weight = 1 / (1 + (residual(x) / width) ** 2) ** 2
+            x = _solve(x, residual, weight, steps, start, (width / prior) ** 2)
+    found = Calibration({view: eye_of(x, view) for view in terrain.views}, residual(x))
+    if found.matched_share < 0.5:
+        raise IcyMoonError(f"Terrain {terrain.name}: only {found.matched_share:.0%} of the outlines meet the rocks; "
+                           "check that labels and rocks are of one terrain.")
+    return found
+
+
+def _outline_supports(terrain: Terrain, view: View, middles: np.ndarray, reach_px: float) -> np.ndarray:
+    """How far the outline of each rock reaches in each direction, the median of the azimuths; NaN if not outlined."""
+    found = np.full((len(terrain.azimuths), len(middles), _TOWARD.shape[1]), np.nan)
+    for k, azimuth in enumerate(terrain.azimuths):
+        outlines = terrain.polygons(view, azimuth, ROCK)
+        if not outlines:
+            continue
+        apart = np.linalg.norm(middles[:, None] - _middles(outlines)[None], axis=2)
+        for rock, outline in enumerate(apart.argmin(axis=1)):
+            if apart[rock, outline] < reach_px and apart[:, outline].argmin() == rock:
+                found[k, rock] = (outlines[outline] @ _TOWARD).max(axis=0)
+    everywhere = np.isnan(found).all(axis=0)
+    return np.asarray(np.where(everywhere, np.nan, np.nanmedian(np.where(everywhere, 0.0, found), axis=0)))

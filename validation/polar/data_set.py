@@ -1,0 +1,169 @@
+"""The folder of a POLAR terrain: rocks as meshes, and photographs as polygons drawn by hand.
+
+Source: POLAR-Sim (Chen et al., arXiv 2309.12397, CC0 1.0) on the photographs of NASA Ames' POLAR data set. A folder has
+``rocks/terrainTT_rockN.obj`` in metres, +X toward Sun azimuth 0 and +Z up, and ``labels/TT_P_off_AZ_E.txt`` for camera
+position P, Sun azimuth AZ and eye E. A line of a label is a class, then x y pairs as shares of width and height.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import IcyMoonError
+
+WIDTH_PX, HEIGHT_PX = 1936, 1216
+EYES = ("L", "R")
+GROUND, ROCK, SHADOW = 1, 2, 3
+WHERE = ("get POLAR-Sim (github.com/uwsbel/POLAR-Sim, CC0) and put rocks/terrainTT_rockN.obj and "
+         "labels/TT_P_off_AZ_E.txt of a terrain TT into it")
+#: Positions of the eyes and of the lamp in metres as the release's demo states them; yaw of the camera in degrees.
+SURVEYED_EYES = {"A": ((3.541, -0.303, 1.346), (3.532, -0.002, 1.344)),
+                 "B": ((5.500, -0.303, 1.345), (5.500, -0.002, 1.344)),
+                 "C": ((0.316, -3.540, 1.346), (0.611, -3.479, 1.344))}
+SURVEYED_YAW_DEG = {"A": 180.0, "B": 180.0, "C": 100.0}
+SURVEYED_PITCH_DEG = 23.0
+SURVEYED_BASELINE_M = 0.301
+SURVEYED_LAMPS = {30: (3.594, 1.422, 0.803), 180: (-3.544, 0.475, 0.776), 270: (-0.271, -4.109, 0.811),
+                  350: (4.026, -0.896, 0.771)}
+#: Sizes in metres that a rock of the sandbox can have; another one means that a mesh is not in metres.
+_LEAST_M, _MOST_M = 0.01, 2.0
+_LABEL = re.compile(r"(\d+)_([A-Z])_off_(\d+)_([LR])\.txt")
+_ROCK = re.compile(r"terrain(\d+)_rock(\d+)\.obj")
+
+
+@dataclass(frozen=True)
+class Rock:
+    """A scanned rock with some sand around it: vertices (n, 3) in metres, triangles (m, 3)."""
+
+    number: int
+    vertices: np.ndarray
+    faces: np.ndarray
+
+
+@dataclass(frozen=True, order=True)
+class View:
+    """Where a photograph was taken from: camera position and eye."""
+
+    position: str
+    eye: str
+
+
+@dataclass(frozen=True)
+class Polygon:
+    """What somebody outlined in a photograph: a class, and corners (n, 2) in pixels."""
+
+    kind: int
+    corners: np.ndarray
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """A terrain: its rocks, and the polygons of each photograph by view and Sun azimuth in degrees."""
+
+    name: str
+    rocks: tuple[Rock, ...]
+    photographs: dict[tuple[View, int], tuple[Polygon, ...]] = field(repr=False)
+
+    @property
+    def views(self) -> list[View]:
+        """The views of which there are photographs."""
+        return sorted({view for view, _ in self.photographs})
+
+    @property
+    def positions(self) -> list[str]:
+        """Camera positions of which there are photographs."""
+        return sorted({view.position for view in self.views})
+
+    @property
+    def azimuths(self) -> list[int]:
+        """Sun azimuths in degrees of which there are photographs."""
+        return sorted({azimuth for _, azimuth in self.photographs})
+
+    def polygons(self, view: View, azimuth: int, kind: int) -> list[np.ndarray]:
+        """Corners of the polygons of a class in a photograph; none if there is no photograph."""
+        return [each.corners for each in self.photographs.get((view, azimuth), ()) if each.kind == kind]
+
+
+def read_terrains(folder: Path) -> list[Terrain]:
+    """The terrains of a folder.
+
+    Raises IcyMoonError if it has no whole terrain, or something in it cannot be read or is not what it should be.
+    """
+    if not folder.is_dir():
+        raise IcyMoonError(f"--polar: there is no folder {folder}; {WHERE}.")
+    labels, rocks = (_files(folder / name, pattern) for name, pattern in (("labels", _LABEL), ("rocks", _ROCK)))
+    for name, found in (("labels", labels), ("rocks", rocks)):
+        if not found:
+            raise IcyMoonError(f"{folder / name} has no files of a terrain; {WHERE}.")
+    if lone := {found[1] for _, found in labels} ^ {found[1] for _, found in rocks}:
+        raise IcyMoonError(f"{folder}: terrain {min(lone)} has labels or rocks, but not both; add what is missing, or "
+                           "remove its files.")
+    return [_read_terrain(name, [(path, found) for path, found in labels if found[1] == name],
+                          [(path, found) for path, found in rocks if found[1] == name])
+            for name in sorted({found[1] for _, found in labels})]
+
+
+def _files(folder: Path, pattern: re.Pattern[str]) -> list[tuple[Path, re.Match[str]]]:
+    paths = sorted(folder.iterdir()) if folder.is_dir() else []
+    return [(path, found) for path in paths if (found := pattern.fullmatch(path.name))]
+
+
+def _read_terrain(name: str, labels: list[tuple[Path, re.Match[str]]],
+                  rocks: list[tuple[Path, re.Match[str]]]) -> Terrain:
+    photographs = {}
+    for path, found in labels:
+        view, azimuth = View(found[2], found[4]), int(found[3])
+        if view.position not in SURVEYED_EYES or azimuth not in SURVEYED_LAMPS:
+            raise IcyMoonError(f"{path}: there is no survey of camera position {view.position} with the lamp at "
+                               f"{azimuth}°; positions are {', '.join(SURVEYED_EYES)}, azimuths "
+                               f"{', '.join(map(str, SURVEYED_LAMPS))}. Remove the file.")
+        photographs[view, azimuth] = _read_polygons(path)
+    terrain = Terrain(name, tuple(read_rock(path, int(found[2])) for path, found in rocks), photographs)
+    for position in terrain.positions:
+        if missing := {View(position, eye) for eye in EYES} - set(terrain.views):
+            raise IcyMoonError(f"{labels[0][0].parent}: terrain {name} has no photograph of position {position}, eye "
+                               f"{min(missing).eye}; add it.")
+    return terrain
+
+
+def _read_polygons(path: Path) -> tuple[Polygon, ...]:
+    found = []
+    for line, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+        try:
+            words = text.split()
+            numbers = np.array(words[1:] if len(words) % 2 else words[2:], np.float64)
+            kind = int(words[0])
+            if len(numbers) < 6 or not np.isfinite(numbers).all() or not 0 <= kind <= SHADOW:
+                raise ValueError
+        except (ValueError, IndexError):
+            raise IcyMoonError(f"{path}, line {line}: is no polygon (a class from 0 to 3, then at least three pairs "
+                               "of x and y); get the file again.") from None
+        found.append(Polygon(kind, numbers.reshape(-1, 2) * [WIDTH_PX, HEIGHT_PX]))
+    return tuple(found)
+
+
+def read_rock(path: Path, number: int) -> Rock:
+    """A rock from an OBJ file. Raises IcyMoonError if it is not one, or its size is not that of a rock in metres."""
+    vertices, faces = [], []
+    try:
+        for line in path.read_text(encoding="utf-8").splitlines():
+            if line.startswith("v "):
+                vertices.append([float(word) for word in line.split()[1:4]])
+            elif line.startswith("f "):
+                corners = [int(word.split("/")[0]) - 1 for word in line.split()[1:]]
+                faces += [[corners[0], corners[k], corners[k + 1]] for k in range(1, len(corners) - 1)]
+        rock = Rock(number, np.array(vertices, np.float64).reshape(-1, 3), np.array(faces, np.int64).reshape(-1, 3))
+        usable = len(faces) > 0 and rock.faces.min() >= 0 and rock.faces.max() < len(vertices)
+    except (ValueError, IndexError):
+        usable = False
+    if not usable or not np.isfinite(rock.vertices).all():
+        raise IcyMoonError(f"{path}: is no mesh of triangles in OBJ; get the file again.")
+    size = float(np.ptp(rock.vertices, axis=0).max())
+    if not _LEAST_M <= size <= _MOST_M:
+        raise IcyMoonError(f"{path}: is {size:.3g} m wide, which no rock of the sandbox is ({_LEAST_M:g} to "
+                           f"{_MOST_M:g} m); export it in metres.")
+    return rock

@@ -1,0 +1,169 @@
+"""The lamp of the photographs: its place, fitted to the shadows that the left eyes see, from the survey on.
+
+The shadow of a rock is taken as that of its convex hull here; the renders have that of the scan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ...stereo.images.masks import fill_hulls, fill_polygons, overlap
+from .camera import Calibration
+from .data_set import HEIGHT_PX, ROCK, SHADOW, SURVEYED_LAMPS, WIDTH_PX, Terrain, View
+from .sand import Sand
+
+_SCALE = 0.25
+_SHAPE = (int(HEIGHT_PX * _SCALE), int(WIDTH_PX * _SCALE))
+_LAMP_STEPS_M = (0.2, 0.1, 0.05, 0.025, 0.0125)
+_NODE_STEPS_M = (0.01, 0.005)
+#: Distance in metres from a node within which a shadow must end or run for the node to be fitted.
+_NODE_REACH_M = 0.2
+#: Metres by which the sand between rocks may be higher than the surface through them, and what that costs.
+_MOST_RAISED_M, _RAISED_COST = 0.03, 2.0
+#: Directions in which points of an outline are looked for.
+_DIRECTIONS = 96
+#: Spacing of the table of heights.
+_GRID_M = 0.02
+
+
+class HeightTable:
+    """Heights of the sand on a ``grid`` (n, 2), which is far faster than the sand itself."""
+
+    def __init__(self, sand: Sand) -> None:
+        self.low = sand.nodes.min(axis=0) - 0.5
+        self.count = np.ceil((sand.nodes.max(axis=0) + 0.5 - self.low) / _GRID_M).astype(int) + 1
+        x, y = (self.low[k] + _GRID_M * np.arange(self.count[k]) for k in (0, 1))
+        self.grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        self.heights = sand.heights(self.grid).reshape(len(y), len(x))
+
+    def __call__(self, xy: np.ndarray) -> np.ndarray:
+        """Heights (n,) at points (n, 2), linear between the points of the grid."""
+        at = np.clip((xy - self.low) / _GRID_M, 0, self.count - 1.001)
+        k = at.astype(int)
+        u, v = (at - k).T
+        table, x, y = self.heights, k[:, 0], k[:, 1]
+        return np.asarray((table[y, x] * (1 - u) + table[y, x + 1] * u) * (1 - v)
+                          + (table[y + 1, x] * (1 - u) + table[y + 1, x + 1] * u) * v)
+
+
+def shadow_of(points: np.ndarray, lamp: np.ndarray, heights: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Where the rays from a lamp through points (n, 3) meet the sand (n, 3), by iteration."""
+    way = points - lamp
+    fall = np.maximum(lamp[2] - points[:, 2], 1e-3)
+    times = np.full(len(points), 1.05)
+    for _ in range(15):
+        level = heights((lamp + way * times[:, None])[:, :2])
+        times = np.clip((times + (lamp[2] - level) / fall) / 2, 1.0, 2.5)
+    return np.asarray(lamp + way * times[:, None])
+
+
+def _descend(x: np.ndarray, cost: Callable[[np.ndarray], float], steps: tuple[float, ...],
+             scale: np.ndarray) -> np.ndarray:
+    """The least cost by steps along each axis, smaller and smaller."""
+    best, least = x, cost(x)
+    for step in steps:
+        for _ in range(6):
+            better = False
+            for move in (sign * step * axis for axis in np.diag(scale) for sign in (1, -1)):
+                found = cost(best + move)
+                if found < least:
+                    best, least, better = best + move, found, True
+            if not better:
+                break
+    return best
+
+
+def surveyed_lamp(azimuth: int, sand: Sand) -> np.ndarray:
+    """Place (3,) of the lamp by the survey, whose heights are above a floor at that of the sand, as shadows show."""
+    return np.add(SURVEYED_LAMPS[azimuth], (0.0, 0.0, float(np.median(sand.planes[:, 0]))))
+
+
+def _outline_points(points: np.ndarray, lamp: np.ndarray, level_m: float) -> np.ndarray:
+    """Those of the points (n, 3) that are on the outline of the shadow on level sand."""
+    cast = shadow_of(points, lamp, lambda xy: np.full(len(xy), level_m))
+    angle = 2 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    toward = np.stack([np.cos(angle), np.sin(angle)])
+    # Shadows are long and thin: equal steps of direction would miss the corners of their tips.
+    away = cast[:, :2].mean(axis=0) - lamp[:2]
+    away /= np.linalg.norm(away)
+    turn = np.stack([away, [-away[1], away[0]]])
+    flat = (cast[:, :2] - lamp[:2]) @ turn.T / np.maximum(np.ptp((cast[:, :2] - lamp[:2]) @ turn.T, axis=0), 1e-9)
+    return np.asarray(points[np.unique((flat @ toward).argmax(axis=0))])
+
+
+class Shadows:
+    """What the left eyes show of shadows, to be compared with those of the visible parts of rocks."""
+
+    def __init__(self, terrain: Terrain, camera: Calibration, sand: Sand) -> None:
+        self.camera, self.terrain = camera, terrain
+        #: Points (n, 3) of each rock that can be outline of its shadow, by azimuth.
+        self.parts: dict[int, list[np.ndarray]] = {azimuth: [] for azimuth in terrain.azimuths}
+        for k, rock in enumerate(terrain.rocks):
+            points, faces = sand.visible(k, rock)
+            for azimuth, parts in self.parts.items() if len(faces) else ():
+                parts.append(_outline_points(points[np.unique(faces)], surveyed_lamp(azimuth, sand),
+                                             float(sand.planes[k, 0])))
+        self.seen: dict[tuple[View, int], tuple[np.ndarray, np.ndarray]] = {}
+        for view, azimuth in terrain.photographs:
+            if view.eye == "L":
+                rocks, shadow = (fill_polygons(_SHAPE, [each * _SCALE for each in terrain.polygons(
+                    view, azimuth, kind)]) for kind in (ROCK, SHADOW))
+                self.seen[view, azimuth] = rocks, shadow & ~rocks
+
+    def agreement(self, azimuth: int, lamp: np.ndarray, heights: Callable[[np.ndarray], np.ndarray]) -> float:
+        """Mean intersection over union of the shadows of a lamp, over the positions."""
+        cast = [shadow_of(part, lamp, heights) for part in self.parts[azimuth]]
+        found = []
+        for (view, at), (rock, shadow) in self.seen.items():
+            if at == azimuth:
+                hulls = [self.camera.eyes[view].project(each) * _SCALE for each in cast]
+                found.append(overlap(fill_hulls(_SHAPE, hulls) & ~rock, shadow))
+        return float(np.mean(found))
+
+
+def fit_lamps(terrain: Terrain, camera: Calibration, sand: Sand) -> tuple[dict[int, np.ndarray], Sand]:
+    """The place (3,) in metres of the lamp at each azimuth, and the sand with its height where shadows end.
+
+    A centimetre of sand moves the tip of a shadow by five, so both are fitted, one after the other.
+    """
+    shadows, table = Shadows(terrain, camera, sand), HeightTable(sand)
+    flat = np.array([1.0, 1.0, 0.5])
+    lamps = {azimuth: surveyed_lamp(azimuth, sand) for azimuth in terrain.azimuths}
+    for steps in (_LAMP_STEPS_M, _LAMP_STEPS_M[1:]):
+        lamps = {azimuth: _descend(lamp, partial(_disagreement, shadows, azimuth, table), steps, flat)
+                 for azimuth, lamp in lamps.items()}
+        sand = _raise_nodes(shadows, sand, table, lamps)
+    return lamps, sand
+
+
+def _disagreement(shadows: Shadows, azimuth: int, table: HeightTable, lamp: np.ndarray) -> float:
+    return -shadows.agreement(azimuth, lamp, table)
+
+
+def _raise_nodes(shadows: Shadows, sand: Sand, table: HeightTable, lamps: dict[int, np.ndarray]) -> Sand:
+    """Raise or lower the sand at nodes where shadows end as long as that makes the shadows agree better."""
+    raised = sand.raised.copy()
+    reached = {azimuth: np.concatenate([shadow_of(part, lamp, table)[:, :2] for part in shadows.parts[azimuth]])
+               for azimuth, lamp in lamps.items()}
+    used = {k: [azimuth for azimuth, points in reached.items()
+                if (np.hypot(*(points - node).T) < _NODE_REACH_M).any()] for k, node in enumerate(sand.nodes)}
+    now = {azimuth: shadows.agreement(azimuth, lamp, table) for azimuth, lamp in lamps.items()}
+    for step in _NODE_STEPS_M:
+        for k, azimuths in used.items():
+            bump = sand.bump(k, table.grid).reshape(table.heights.shape) if azimuths else np.zeros(1)
+            for move in (step, -step) if azimuths else ():
+                if abs(raised[k] + move) > _MOST_RAISED_M:
+                    continue
+                table.heights += move * bump
+                found = {azimuth: shadows.agreement(azimuth, lamps[azimuth], table) for azimuth in azimuths}
+                cost = _RAISED_COST * ((raised[k] + move) ** 2 - raised[k] ** 2)
+                if sum(found.values()) - sum(now[azimuth] for azimuth in azimuths) > cost:
+                    now |= found
+                    raised[k] += move
+                    break
+                table.heights -= move * bump
+    return replace(sand, raised=raised)

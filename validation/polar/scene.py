@@ -1,0 +1,186 @@
+"""The scene built again: settings of our rig, lamp and ground for a photograph, and masks from its renders.
+
+Our rig has parallel eyes side by side. So the labels are rectified as images are for stereo: undistorted, and turned
+about each eye into the axes of a rig whose x axis is the line between the fitted eyes. The world is turned by the tilt
+of that line, a degree or two, so that it is level.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ...formats.ply import write_triangles
+from ...render.pairs.pair_folder import Pair
+from ...settings.description import check, defaults, merged
+from ...settings.preset_files import load_preset
+from ...typed_settings import Settings
+from .camera import Calibration
+from .data_set import EYES, ROCK, SHADOW, Rock, Terrain, View
+from .sand import Sand
+
+#: Extent and spacing of the fine part of the ground, how far the coarse part reaches, and where it becomes level.
+_FINE_M, _SPACING_M, _FAR_M = 2.4, 0.02, 9.0
+_LEVEL_FROM_M, _LEVEL_AT_M = 2.2, 3.4
+_MARGIN = 12
+_SENSOR_MM = 20.0
+#: Apparent diameter of the lamp in degrees. It is not published; this one is chosen.
+LAMP_DEG = 0.5
+_SAMPLES = 4
+#: A pixel shows a rock if that is nearer than the sand by more than this, in metres.
+_NEARER_M = 0.002
+#: A pixel is in shadow if it has less than this share of the light without rocks.
+_SHADOW_SHARE = 0.5
+#: It is in shadow too, of sand, if it has less than this share of the light of most sand at its distance from the lamp.
+_DARK_SHARE = 0.1
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Our rig at a camera position.
+
+    ``axes`` (3, 3) has its x (right), y (down) and z (forward) axes as rows, in the data set's world. ``world`` (3, 3)
+    turns that world into ours, and ``origin`` (3,) is the origin of ours. The window is ``corner`` (2,) in pixels of
+    focal length ``focal_px`` from the optical axis, and ``size`` (columns, rows).
+    """
+
+    position: str
+    axes: np.ndarray
+    world: np.ndarray
+    origin: np.ndarray
+    left: np.ndarray
+    baseline_m: float
+    focal_px: float
+    corner: np.ndarray
+    size: tuple[int, int]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.size[1], self.size[0]
+
+    def rectify(self, camera: Calibration, eye: str, pixels: np.ndarray) -> np.ndarray:
+        """Pixels (n, 2) of our rig for pixels (n, 2) of a photograph."""
+        fitted = camera.eyes[View(self.position, eye)]
+        rays = fitted.rays(pixels) @ fitted.turn @ self.axes.T
+        return np.asarray(rays[:, :2] / rays[:, 2:] * self.focal_px - self.corner)
+
+    def to_ours(self, points: np.ndarray) -> np.ndarray:
+        """Points (n, 3) of the data set's world in ours."""
+        return np.asarray((points - self.origin) @ self.world.T)
+
+    def project(self, points: np.ndarray, eye: str) -> np.ndarray:
+        """Pixels (n, 2) of our rig for points (n, 3) of the data set's world."""
+        inside = (points - self.left) @ self.axes.T - [self.baseline_m if eye == "R" else 0.0, 0.0, 0.0]
+        return np.asarray(inside[:, :2] / inside[:, 2:] * self.focal_px - self.corner)
+
+
+def find_frame(terrain: Terrain, camera: Calibration, sand: Sand, position: str, columns: int) -> Frame:
+    """Our rig at a position, with a window of about so many columns around all that is labelled as rock or shadow."""
+    left, right = (camera.eyes[View(position, eye)] for eye in EYES)
+    across = right.place_m - left.place_m
+    x = across / np.linalg.norm(across)
+    forward = left.turn[2] + right.turn[2]
+    z = forward - (forward @ x) * x
+    z /= np.linalg.norm(z)
+    up = np.array([0.0, 0.0, 1.0]) - x[2] * x
+    up /= np.linalg.norm(up)
+    origin = np.array([0.0, 0.0, float(np.median(sand.planes[:, 0]))])
+    frame = Frame(position, np.stack([x, np.cross(z, x), z]), np.stack([x, np.cross(up, x), up]), origin, left.place_m,
+                  float(np.linalg.norm(across)), 1000.0, np.zeros(2), (0, 0))
+    seen = np.concatenate([frame.rectify(camera, view.eye, each) for view, azimuth in terrain.photographs
+                           if view.position == position for kind in (ROCK, SHADOW)
+                           for each in terrain.polygons(view, azimuth, kind)])
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    scale = (columns - 2 * _MARGIN) / (high[0] - low[0])
+    corner = np.floor(low * scale) - _MARGIN
+    size = np.ceil(high * scale).astype(int) + _MARGIN - corner.astype(int)
+    return Frame(position, frame.axes, frame.world, origin, left.place_m, frame.baseline_m, 1000.0 * scale, corner,
+                 (int(size[0]), int(size[1])))
+
+
+def _ground_mesh(frame: Frame, sand: Sand) -> tuple[np.ndarray, np.ndarray]:
+    """The sand in our world: fine where the rocks are, level at height 0 around them and under the cameras."""
+    fine = np.arange(-_FINE_M, _FINE_M + _SPACING_M / 2, _SPACING_M)
+    coarse = np.linspace(_FINE_M, _FAR_M, 8)[1:]
+    line = np.concatenate([-coarse[::-1], fine, coarse])
+    grid = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    points = np.column_stack([grid, np.zeros(len(grid))])
+    inner = np.hypot(*grid.T) < _LEVEL_AT_M
+    for _ in range(4):  # the vertical of the two worlds is a degree or two apart
+        there = points[inner] @ frame.world + frame.origin
+        points[inner, 2] += sand.heights(there[:, :2]) - there[:, 2]
+    points[:, 2] *= np.clip((_LEVEL_AT_M - np.hypot(*grid.T)) / (_LEVEL_AT_M - _LEVEL_FROM_M), 0.0, 1.0)
+    n = len(line)
+    k = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)[None]).ravel()
+    return points, np.concatenate([np.stack([k, k + 1, k + n + 1], axis=1), np.stack([k, k + n + 1, k + n], axis=1)])
+
+
+def write_ground(folder: Path, frame: Frame, sand: Sand, rocks: Sequence[Rock]) -> dict[bool, Path]:
+    """Write the ground with the rocks (``True``) and without them, in metres, z up, and return the files."""
+    points, faces = _ground_mesh(frame, sand)
+    vertices, triangles = [points], [faces]
+    for k, rock in enumerate(rocks):
+        _, above = sand.visible(k, rock)
+        triangles.append(above + sum(map(len, vertices)))
+        vertices.append(frame.to_ours(rock.vertices))
+    found = {kept: folder / f"ground_{frame.position}{'_rocks' if kept else ''}.ply" for kept in (False, True)}
+    folder.mkdir(parents=True, exist_ok=True)
+    write_triangles(found[False], points, faces)
+    write_triangles(found[True], np.concatenate(vertices), np.concatenate(triangles))
+    return found
+
+
+def describe(frame: Frame, lamp: np.ndarray, mesh: Path) -> Settings:
+    """The complete settings of a photograph: our rig, a lamp near the ground, the mesh, lunar regolith on it."""
+    way = frame.to_ours(lamp[None])[0]
+    distance = float(np.linalg.norm(way))
+    eye = frame.to_ours(frame.left[None])[0]
+    forward = frame.world @ frame.axes[2]
+    middle = np.array(frame.size) / 2 + frame.corner
+    width, height = frame.size
+    return merged(defaults(), load_preset("surfaces/hapke_lunar_like"), check({
+        "source": {"kind": "MESH", "file": str(mesh), "centre": False, "up_axis": "Z"},
+        "surface": {"grain_amplitude_m": 0.0, "albedo_variation": 0.0}, "hapke": {"backend": "NODES"},
+        "rig": {"x_m": float(eye[0]), "y_m": float(eye[1]), "height_m": float(eye[2]),
+                "heading_deg": math.degrees(math.atan2(forward[0], forward[1])),
+                "pitch_deg": math.degrees(-math.asin(forward[2])), "baseline_m": frame.baseline_m,
+                "width_px": width, "height_px": height, "sensor_width_mm": _SENSOR_MM,
+                "focal_length_mm": frame.focal_px * _SENSOR_MM / width,
+                "principal_x_px": float(-middle[0]), "principal_y_px": float(-middle[1])},
+        "light": {"directions_from": "ANGLES", "planet": False, "sun_distance_m": distance,
+                  "sun_elevation_deg": math.degrees(math.asin(way[2] / distance)),
+                  "sun_azimuth_deg": math.degrees(math.atan2(way[0], way[1])), "sun_angular_diameter_deg": LAMP_DEG},
+        "quality": {"samples": _SAMPLES, "denoiser": "NONE", "noise_threshold": 0.0, "diffuse_bounces": 0}},
+        "a photograph"))
+
+
+def read_masks(with_rocks: Pair, without: Pair, eye: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Masks (H, W) of rocks and of their shadows, and radiance (H, W), of an eye ``L`` or ``R`` in two renders."""
+    from ...stereo.images.exr import read_view  # which needs OpenEXR
+
+    name = "left" if eye == "L" else "right"
+    here, bare = (read_view(pair.image(name)) for pair in (with_rocks, without))
+    nearer = np.where(np.isnan(bare.depth), np.inf, bare.depth) - np.where(np.isnan(here.depth), np.inf, here.depth)
+    rock = np.nan_to_num(nearer, nan=0.0) > _NEARER_M
+    light, full = (view.radiance.mean(axis=-1) for view in (here, bare))
+    # Light falls with the square of the distance to the lamp.
+    squared = _distances_to_lamp(with_rocks, name, here.depth) ** 2
+    lit = np.nanmedian(full * squared)
+    dark = ((light < _SHADOW_SHARE * full) | (light * squared < _DARK_SHARE * lit)) & ~np.isnan(bare.depth)
+    return rock, dark & ~rock, light
+
+
+def _distances_to_lamp(pair: Pair, name: str, depth: np.ndarray) -> np.ndarray:
+    """Distance (H, W) in metres from the lamp to what each pixel of an eye sees; NaN for sky."""
+    camera, pose = pair.camera, np.array(pair.data["poses_camera_to_world"][name])
+    u, v = ((np.arange(count) + 0.5 - centre) / camera.focal_px for count, centre in (
+        (camera.width_px, camera.cx_px), (camera.height_px, camera.cy_px)))
+    ray = np.stack(np.broadcast_arrays(u[None, :], v[:, None], 1.0), axis=-1)
+    points = (ray * depth[..., None]) @ pose[:3, :3].T + pose[:3, 3]
+    sun = pair.data["light"]["sun"]
+    return np.asarray(np.linalg.norm(points - np.array(sun["direction_to_world"]) * sun["distance_m"], axis=-1))

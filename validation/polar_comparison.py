@@ -1,0 +1,238 @@
+"""The comparison: labels of photographs beside renders of the scene that was built again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..stereo.images.image_files import write_png
+from ..stereo.images.masks import fill_polygons, overlap
+from .comparison import Bench, Row
+from .polar.camera import Calibration, calibrate
+from .polar.data_set import (
+    EYES,
+    GROUND,
+    ROCK,
+    SHADOW,
+    SURVEYED_BASELINE_M,
+    SURVEYED_LAMPS,
+    WHERE,
+    Terrain,
+    View,
+    read_terrains,
+)
+from .polar.lamp import HeightTable, fit_lamps, shadow_of
+from .polar.sand import Sand, assign_outlines, fit_sand
+from .polar.scene import Frame, describe, find_frame, read_masks, write_ground
+
+#: Columns of the renders.
+_COLUMNS, _QUICK_COLUMNS = 480, 320
+#: Least agreement of rocks and of shadows, and the largest error of a shadow's length as a share of it.
+_ROCKS, _SHADOWS, _TIP = 0.85, 0.75, 0.02
+_OUTLINE_PX, _BASELINE_M, _LAMP_M, _DISPARITY_PX = 1.0, 0.01, 0.3, 1.0
+#: Least length in metres of a shadow whose tip is compared; shorter ones are lost between ripples of the sand.
+_LEAST_SHADOW_M = 0.15
+_SOURCE = "POLAR-Sim's outlines by hand of NASA's photographs"
+_SURVEY = "POLAR-Sim's survey"
+_WHO = {"L": "left", "R": "right"}
+#: Colours of the pictures: rock, shadow, what is neither.
+_COLOURS = np.array([[70, 70, 80], [235, 235, 225], [20, 30, 140]], np.uint8)
+
+
+@dataclass(frozen=True)
+class Masks:
+    """Rock and shadow (H, W) of a photograph as labelled and as rendered, and the radiance (H, W)."""
+
+    rock: np.ndarray
+    shadow: np.ndarray
+    our_rock: np.ndarray
+    our_shadow: np.ndarray
+    light: np.ndarray
+
+
+def compare(bench: Bench) -> list[Row]:
+    """The rows of every terrain of the folder. Raises IcyMoonError if there is none or it cannot be used."""
+    if bench.polar is None:
+        raise IcyMoonError(f"No folder of the POLAR data is given; pass --polar FOLDER: {WHERE}.")
+    terrains = read_terrains(bench.polar)
+    rows = [_of_terrain(bench, terrain) for terrain in terrains]
+    if len(terrains) == 1:
+        return rows[0]
+    return [Row(f"terrain {terrain.name}: {row.quantity}", row.ours, row.theirs, row.allowed, row.source, row.unit,
+                row.fitted, row.why) for terrain, found in zip(terrains, rows, strict=True) for row in found]
+
+
+def _of_terrain(bench: Bench, terrain: Terrain) -> list[Row]:
+    camera = calibrate(terrain)
+    sand = fit_sand(terrain, camera)
+    lamps, sand = fit_lamps(terrain, camera, sand)
+    masks, frames = _render(bench, terrain, camera, sand, lamps)
+    _write_pictures(bench.folder / f"terrain{terrain.name}", terrain, masks)
+    return [*_of_camera(camera), *_of_lamps(lamps), *_of_masks(terrain, masks),
+            *_of_tips(terrain, camera, sand, lamps), *_of_disparity(terrain, camera, sand, frames)]
+
+
+def _render(bench: Bench, terrain: Terrain, camera: Calibration, sand: Sand,
+            lamps: dict[int, np.ndarray]) -> tuple[dict[tuple[View, int], Masks], dict[str, Frame]]:
+    """Masks of every photograph: for each position and azimuth a pair with the rocks and one without them."""
+    columns = _QUICK_COLUMNS if bench.quick else _COLUMNS
+    frames = {position: find_frame(terrain, camera, sand, position, columns) for position in terrain.positions}
+    described, cases = [], []
+    for position, frame in frames.items():
+        meshes = write_ground(bench.folder / f"terrain{terrain.name}", frame, sand, terrain.rocks)
+        azimuths = sorted({azimuth for view, azimuth in terrain.photographs if view.position == position})
+        for kept in (True, False):  # the same ground one after another is built once
+            described += [describe(frame, lamps[azimuth], meshes[kept]) for azimuth in azimuths]
+            cases += [(position, azimuth, kept) for azimuth in azimuths]
+    pairs = dict(zip(cases, bench.render(described), strict=True))
+    found = {}
+    for view, azimuth in terrain.photographs:
+        frame = frames[view.position]
+        ours = read_masks(pairs[view.position, azimuth, True], pairs[view.position, azimuth, False], view.eye)
+        rock, shadow, ground = (fill_polygons(frame.shape, [
+            frame.rectify(camera, view.eye, each) for each in terrain.polygons(view, azimuth, kind)], finer=5)
+            for kind in (ROCK, SHADOW, GROUND))
+        sandbox = ground | rock | shadow | (not ground.any())  # around it are walls, which are not built
+        found[view, azimuth] = Masks(rock, shadow & ~rock, ours[0] & sandbox, ours[1] & sandbox, ours[2])
+    return found, frames
+
+
+def _of_camera(camera: Calibration) -> list[Row]:
+    return [Row("camera: median distance of outlines from rocks", camera.median_px, 0.0, _OUTLINE_PX, _SOURCE, "px",
+                fitted=True),
+            Row("camera: baseline", camera.baseline_m, SURVEYED_BASELINE_M, _BASELINE_M, _SURVEY, "m")]
+
+
+def _of_lamps(lamps: dict[int, np.ndarray]) -> list[Row]:
+    return [Row(f"lamp at {azimuth}°: distance from the survey",
+                float(np.linalg.norm((lamp - SURVEYED_LAMPS[azimuth])[:2])), 0.0, _LAMP_M, _SURVEY, "m",
+                why="Likely cause: the survey is nominal, and sand that is higher or lower than assumed moves all "
+                    "shadows of an azimuth") for azimuth, lamp in lamps.items()]
+
+
+def _repeatability(terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> dict[str, float]:
+    """By position, how rocks as labelled under one lamp agree with the same rocks as labelled under another."""
+    found: dict[str, list[float]] = {}
+    for (view, azimuth), one in masks.items():
+        found.setdefault(view.position, []).extend(
+            overlap(one.rock, other.rock) for (same, later), other in masks.items() if same == view and later > azimuth)
+    return {position: float(np.mean(values)) for position, values in found.items() if values}
+
+
+def _of_masks(terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> list[Row]:
+    rows, agreed = [], _repeatability(terrain, masks)
+    for position in terrain.positions:
+        why = ("Likely causes: the hand drew rocks with few corners and left some out "
+               + (f"(under another lamp the same rocks agree with themselves to {agreed[position]:.2f}), "
+                  if position in agreed else "(")
+               + "and where sand covers the foot of a rock is fitted as one plane for each rock")
+        for eye in EYES:
+            own = [each for (view, _), each in masks.items() if view == View(position, eye)]
+            rows.append(Row(f"rocks, position {position}, {_WHO[eye]} eye: intersection over union", float(np.mean(
+                [overlap(each.our_rock, each.rock) for each in own])), 1.0, 1 - _ROCKS, _SOURCE, fitted=eye == "L",
+                why=why))
+    why = ("Likely causes: the scan of the sand is not public, and a centimetre of its height moves the tip of a "
+           "shadow by five; ripples cast shadows that were labelled and are not in the scans")
+    for position in terrain.positions:
+        for eye in EYES:
+            own = [each for (view, _), each in masks.items() if view == View(position, eye)]
+            rows.append(Row(f"shadows, position {position}, {_WHO[eye]} eye: intersection over union", float(np.mean(
+                [overlap(each.our_shadow, each.shadow) for each in own])), 1.0, 1 - _SHADOWS, _SOURCE,
+                fitted=eye == "L", why=why))
+    return rows
+
+
+def _of_tips(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, np.ndarray]) -> list[Row]:
+    """Lengths of shadows along the light, in the photographs of the right eyes."""
+    table, errors = HeightTable(sand), []
+    for (view, azimuth), _ in terrain.photographs.items():
+        if view.eye != "R":
+            continue
+        eye, lamp = camera.eyes[view], lamps[azimuth]
+        outlines = terrain.polygons(view, azimuth, SHADOW)
+        for k, rock in enumerate(terrain.rocks):
+            points, faces = sand.visible(k, rock)
+            if not len(faces):
+                continue
+            top = points[np.unique(faces)]
+            cast = shadow_of(top, lamp, table)
+            away = sand.middles[k] - lamp[:2]
+            along = (cast[:, :2] - sand.middles[k]) @ away / np.linalg.norm(away)
+            tip, length = cast[along.argmax()], float(along.max())
+            if length < _LEAST_SHADOW_M:
+                continue
+            foot = np.array([*sand.middles[k], float(table(sand.middles[k][None])[0])])
+            ends = eye.project(np.stack([foot, tip]))
+            reach = _labelled_reach(ends, outlines)
+            if reach is not None:
+                errors.append(1.0 / reach - 1.0)
+    if not errors:
+        return []
+    quantity = f"tips of {len(errors)} shadows, right eyes: median"
+    why = ("Likely cause: the height of the sand at the tips is not measured, and a centimetre of it moves a tip by "
+           "about five")
+    return [Row(f"{quantity} error of the length", float(np.median(errors)), 0.0, _TIP, _SOURCE, why=why),
+            Row(f"{quantity} size of the error", float(np.median(np.abs(errors))), 0.0, _TIP, _SOURCE, why=why)]
+
+
+def _labelled_reach(ends: np.ndarray, outlines: list[np.ndarray]) -> float | None:
+    """How far a labelled shadow reaches from the foot toward our tip, as a share of the way; None if it has none.
+
+    It is that of the outline which holds the middle of our shadow. Shadows that run into the next one are left out.
+    """
+    foot, tip = ends
+    way = tip - foot
+    length = float(np.linalg.norm(way))
+    across = np.array([-way[1], way[0]]) / length
+    for outline in outlines:
+        if not fill_polygons((1, 1), [outline - (foot + 0.6 * way) + 0.5])[0, 0]:
+            continue
+        along, beside = (outline - foot) @ way / length**2, np.abs((outline - foot) @ across)
+        near = along[beside < 0.15 * length]
+        if len(near) and 0.6 < near.max() < 1.6:
+            return float(near.max())
+    return None
+
+
+def _of_disparity(terrain: Terrain, camera: Calibration, sand: Sand, frames: dict[str, Frame]) -> list[Row]:
+    """How far rocks lie apart in both eyes: the outlines of each beside its scan, in pixels of the renders."""
+    rows = []
+    for position, frame in frames.items():
+        apart = []
+        own = {eye: [assign_outlines(terrain, camera, sand, View(position, eye), azimuth)
+                     for azimuth in terrain.azimuths] for eye in EYES}
+        for k, rock in enumerate(terrain.rocks):
+            points, faces = sand.visible(k, rock)
+            middles = {eye: [_middle_column(frame.rectify(camera, eye, found[k][0])) for found in own[eye]
+                             if len(found[k]) == 1] for eye in EYES}
+            if not len(faces) or not all(middles.values()):
+                continue
+            used = points[np.unique(faces)]
+            theirs = np.median(middles["L"]) - np.median(middles["R"])
+            ours = _middle_column(frame.project(used, "L")) - _middle_column(frame.project(used, "R"))
+            apart.append(float(ours - theirs))
+        if apart:
+            rows.append(Row(f"disparity of {len(apart)} rocks, position {position}: median size of the difference",
+                            float(np.median(np.abs(apart))), 0.0, _DISPARITY_PX, _SOURCE, "px"))
+    return rows
+
+
+def _middle_column(pixels: np.ndarray) -> float:
+    return float(pixels[:, 0].min() + pixels[:, 0].max()) / 2
+
+
+def _write_pictures(folder: Path, terrain: Terrain, masks: dict[tuple[View, int], Masks]) -> None:
+    """A picture for each view: labels, our masks and our render side by side, an azimuth under the other."""
+    for view in terrain.views:
+        rows = []
+        for azimuth in terrain.azimuths:
+            if (each := masks.get((view, azimuth))) is None:
+                continue
+            white = max(float(np.quantile(each.light, 0.98)), 1e-12)
+            grey = np.repeat((np.clip(each.light / white, 0, 1) ** 0.5 * 255).astype(np.uint8)[..., None], 3, axis=2)
+            rows.append(np.hstack([_COLOURS[each.rock + 2 * each.shadow],
+                                   _COLOURS[each.our_rock + 2 * each.our_shadow], grey]))
+        write_png(folder / f"twins_{view.position}_{view.eye}.png", np.vstack(rows))

@@ -1,0 +1,28 @@
+"""NASA's POLAR sandbox: a real scene that is built and rendered again."""
+
+from __future__ import annotations
+
+from .comparison import Bench, Comparison, Row
+
+
+def _compare(bench: Bench) -> list[Row]:
+    from .polar_comparison import compare  # which needs OpenCV
+
+    return compare(bench)
+
+
+COMPARISON = Comparison(
+    "polar", "A real scene",
+    "Rocks on sand under one lamp in a dark room, which NASA Ames photographed with a stereo camera (POLAR). POLAR-Sim "
+    "(Chen et al., arXiv 2309.12397, github.com/uwsbel/POLAR-Sim, CC0 1.0) scanned the rocks and outlined rocks and "
+    "shadows by hand. The scene is built again from scans and survey, and rendered with a lamp near the ground and "
+    "`surfaces/hapke_lunar_like`. Fitted first are: the camera, to the upper outlines of the rocks (focal lengths, "
+    "principal points, two terms of distortion, the right eye beside the left one, a pose for each position); height "
+    "and tilt of the sand at each rock, to the outlines in the left eyes; the place of each lamp and the sand between "
+    "the rocks, to the shadows in the left eyes. The right eyes were outlined separately and show what was not fitted "
+    "to them. Their outlines are rectified into our rig, and images have 480 columns. A pixel is rock where it is "
+    "nearer than the sand, and shadow where it has less than half of the light that it has without rocks. The lamp's "
+    "diameter of 0.5° is chosen. The data are not shipped: FOLDER has `rocks/terrainTT_rockN.obj` and "
+    "`labels/TT_P_off_AZ_E.txt` for each terrain TT, camera position P, azimuth AZ and eye E. Pictures of labels, "
+    "masks and renders side by side are written beside the tables.",
+    _compare, quick=False, needs="polar")
