@@ -24,8 +24,19 @@ from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent / "gui"))
-from blenders import ADD_ON, ROOT, SHARED, CannotRunError, evaluator, find, install, install_packages, requirements, run
-from extension_zip import build
+from blenders import (
+    ADD_ON,
+    ROOT,
+    SHARED,
+    CannotRunError,
+    build_store,
+    evaluator,
+    find,
+    install,
+    install_packages,
+    requirements,
+    run,
+)
 from run import drive
 
 ENVIRONMENTS = ROOT / ".venvs"
@@ -98,11 +109,11 @@ def wheel_52() -> str:
 
 
 def real(which: str) -> str:
-    """Use the installed zip in a real Blender without its window, and as the command line's worker."""
+    """Use the zip with everything inside in a real Blender without its window, and as the command line's worker."""
     name, blender = f"real-{which}", find(which)
     with tempfile.TemporaryDirectory(prefix="icymoon-lane-") as folder:
         archive, out = Path(folder, "icymoon.zip"), Path(folder, "dataset")
-        build(archive)
+        build_store(blender, archive)
         installed = install(blender, archive)
         environment = {**blender.environment, **installed.environment}
         start = [blender.executable, "-b", "--factory-startup", "--addons", ADD_ON, "--python-exit-code", "1"]
@@ -130,7 +141,7 @@ def gui(which: str, *steps: str) -> str:
     """Drive the installed zip in a real Blender's window."""
     blender = find(which)
     with tempfile.TemporaryDirectory(prefix="icymoon-lane-") as folder:
-        build(Path(folder, "icymoon.zip"))
+        build_store(blender, Path(folder, "icymoon.zip"))
         return drive(blender, Path(folder, "icymoon.zip"), *steps)
 
 

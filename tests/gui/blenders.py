@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -101,18 +102,30 @@ def install_packages(target: Path, python: str, packages: list[str]) -> None:
     mark.write_text(wanted)
 
 
-def evaluator(blender: Blender) -> Path:
-    """A Python for the evaluator that can be run where that Blender runs: Blender's own, with packages beside it."""
+def python_of(blender: Blender) -> tuple[str, str]:
+    """(version such as '3.13', program) of a Blender's Python."""
     asked = blender.run("-b", "--factory-startup", "--python-expr",
                         "import sys; print('PYTHON', sys.version_info[0], sys.version_info[1], sys.executable)")
     words = next((line.split() for line in asked.stdout.splitlines() if line.startswith("PYTHON ")), None)
     if words is None:
         raise AssertionError(f"Blender {blender.name} does not start: {asked.stdout.strip()[-500:]}")
-    version = ".".join(words[1:3])
+    return ".".join(words[1:3]), " ".join(words[3:])
+
+
+def build_store(blender: Blender, archive: Path) -> None:
+    """Build the zip with the evaluator's packages inside for a Blender on Linux."""
+    from store_zip import Store, build
+
+    build(Store(python_of(blender)[0], "linux-x64", any_blender=True), archive)
+
+
+def evaluator(blender: Blender) -> Path:
+    """A Python for the evaluator that can be run where that Blender runs: Blender's own, with packages beside it."""
+    version, program = python_of(blender)
     target = ROOT / ".venvs" / f"evaluator-{version}"
     install_packages(target, version, requirements("evaluate"))
     script = target / f"python-{blender.name}"
-    script.write_text(f'#!/bin/sh\nPYTHONPATH="{target}" exec "{" ".join(words[3:])}" "$@"\n')
+    script.write_text(f'#!/bin/sh\nPYTHONPATH="{target}" exec "{program}" "$@"\n')
     script.chmod(0o755)
     return script
 
@@ -144,11 +157,17 @@ class Installed:
 
 
 def install(blender: Blender, archive: Path) -> Installed:
-    """Install the zip into a fresh settings folder. Raises AssertionError if Blender refuses."""
+    """Install the zip into a fresh settings folder, with Blender offline. Raises AssertionError if Blender refuses.
+
+    It evaluates by the packages in the zip, whatever this machine has; a zip without them gets an evaluator.
+    """
     folder = Path(tempfile.mkdtemp(prefix="icymoon-blender-"))
-    environment = {"BLENDER_USER_RESOURCES": str(folder), "ICYMOON_EVALUATOR": str(evaluator(blender))}
-    done = blender.run("--command", "extension", "install-file", "--repo", "user_default", "--enable", str(archive),
-                       environment=environment)
+    with zipfile.ZipFile(archive) as opened:
+        complete = any(name.startswith("wheels/") for name in opened.namelist())
+    environment = {"BLENDER_USER_RESOURCES": str(folder),
+                   "ICYMOON_EVALUATOR": "" if complete else str(evaluator(blender))}
+    done = blender.run("--offline-mode", "--command", "extension", "install-file", "--repo", "user_default", "--enable",
+                       str(archive), environment=environment)
     if done.returncode or not list(folder.glob("**/user_default/icymoon/blender_manifest.toml")):
         shutil.rmtree(folder, ignore_errors=True)
         raise AssertionError(f"The zip could not be installed in {blender.name}:\n{done.stdout}")

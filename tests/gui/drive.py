@@ -624,7 +624,7 @@ def camera_image_follows() -> Waiting:
 def preferences_page() -> Waiting:
     """The extension's page in the preferences, the evaluator given there instead of by the environment."""
     add_on = bpy.context.preferences.addons[ADD_ON]
-    add_on.preferences.evaluator = os.environ.pop("ICYMOON_EVALUATOR")
+    add_on.preferences.evaluator = os.environ.pop("ICYMOON_EVALUATOR", "")
     yield from person.open_preferences()
     yield from screenshot("preferences")
     yield from person.close_second_window("the preferences")

@@ -1,4 +1,4 @@
-"""Install the zip in a real Blender, drive its window with ``drive.py`` and say what came of it.
+"""Install the zip with everything inside in a real Blender, drive its window with ``drive.py`` and say what came of it.
 
     python tests/gui/run.py [4.3] [5.2] [named]      all that this machine has, by default
     python tests/gui/run.py --shots [4.3] …          no test, but pictures of every panel in both themes to look at
@@ -19,8 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from blenders import ROOT, SUITES, Blender, CannotRunError, find, install
-from extension_zip import build
+from blenders import ROOT, SUITES, Blender, CannotRunError, build_store, find, install
 
 TIMEOUT_S = 3600.0
 
@@ -34,8 +33,9 @@ def drive(blender: Blender, archive: Path, *which: str) -> str:
     shutil.rmtree(folder, ignore_errors=True)
     installed = install(blender, archive)
     start = time.monotonic()
-    done = installed.run("--python-exit-code", "5", "--python", str(Path(__file__).with_name("drive.py")), "--",
-                         str(folder), *which, window=True, timeout_s=TIMEOUT_S)
+    done = installed.run("--offline-mode", "--python-exit-code", "5",
+                         "--python", str(Path(__file__).with_name("drive.py")), "--", str(folder), *which, window=True,
+                         timeout_s=TIMEOUT_S)
     installed.remove()
     report = folder / "steps.json"
     facts = json.loads(report.read_text()) if report.is_file() else {"steps": [], "finished": False}
@@ -71,10 +71,10 @@ def main(words: list[str]) -> int:
     failed = ran = 0
     with tempfile.TemporaryDirectory(prefix="icymoon-zip-") as folder:
         archive = Path(folder) / "icymoon.zip"
-        build(archive)
         for name in names or [*SUITES, "named"]:
             try:
                 blender = find(name)
+                build_store(blender, archive)
                 print(f"window of {blender.name}", flush=True)
                 print(f"window of {blender.name}: {act(blender, archive)}", flush=True)
                 ran += 1
