@@ -32,8 +32,9 @@ TABLE = Path(__file__).with_name("stability.json")
 REPEATS = 8
 SIZE: Parts = {"mesh": {"most": 20_000}, "quality": {"samples": 32, "denoiser": "NONE", "threads": 2},
         "rig": {"width_px": 64, "height_px": 48, "overscan": 0.0},
-        # The table is of the presets before they had a far field.
-        "hills": {"rms_slope_deg": 0.0}, "rocks": {"beyond_px": 0.0}}
+        # The table is of the presets before they had a far field, patchy relief and faces that differ.
+        "hills": {"rms_slope_deg": 0.0}, "rocks": {"beyond_px": 0.0},
+        "surface": {"grain_patchiness": 0.0, "face_variation": 0.0, "patch_raggedness": 0.0}}
 _NIGHT = {"sun_elevation_deg": -20.0, "sun_azimuth_deg": 30.0, "planet": True, "planet_elevation_deg": 40.0,
           "planet_azimuth_deg": 200.0}
 #: A scene preset and what is changed in it.

@@ -109,7 +109,7 @@ def no_evaluator(place: Place) -> str:
     place.patch.delenv("ICYMOON_EVALUATOR", raising=False)
     place.patch.setattr(preferences, "own_evaluator_python", lambda: place.folder / "python")
     place.patch.setattr(preferences, "bpy", SimpleNamespace(
-        app=SimpleNamespace(binary_path="blender"), context=bpy.context, path=bpy.path))
+        app=SimpleNamespace(binary_path="blender", background=False), context=bpy.context, path=bpy.path))
     return raised(preferences.find_evaluator_python)
 
 

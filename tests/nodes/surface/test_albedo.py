@@ -52,7 +52,8 @@ def test_presets_have_their_albedo(name):
     settings = merged(defaults(), load_preset(f"surfaces/{name}")).surface
     settings.albedo_variation = 0.0
     assert real_albedo(settings) == pytest.approx(settings.albedo, rel=0.01)
-    assert measured(settings, view_m=1.0) == pytest.approx(settings.albedo, rel=0.01)
+    # Patches of grain are up to 0.8 m wide: one metre of them is steeper or smoother than they are on average.
+    assert measured(settings, view_m=4.0) == pytest.approx(settings.albedo, rel=0.01)
 
 
 def test_patches_darken_by_half_their_depth_on_average():

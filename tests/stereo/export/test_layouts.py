@@ -19,8 +19,9 @@ from icymoon.stereo.images.exr import read_view
 pytestmark = pytest.mark.filterwarnings("error")
 
 RIG = pairs.camera(192, 96)
-#: Layouts that have tests of their own: ``test_field_formats``, whose pairs have poses, and ``test_training``.
-NEED_POSES = {"cahvor", "colmap", "fits", "tiff", "ros2", "webdataset", "sceneflow"}
+#: Layouts that have tests of their own: ``test_field_formats``, whose pairs have poses, ``test_training`` and
+#: ``test_parquet_index``.
+TESTED_ELSEWHERE = {"cahvor", "colmap", "fits", "tiff", "ros2", "webdataset", "sceneflow", "parquet-index"}
 SCENES = {"one": pairs.Scene(), "two": pairs.Scene(sky_rows=30, distance_m=3.0)}
 
 
@@ -35,7 +36,7 @@ def dataset(tmp_path_factory):
 @pytest.fixture(scope="module")
 def out(dataset, tmp_path_factory):
     root = tmp_path_factory.mktemp("out")
-    for kind in FORMATS.keys() - NEED_POSES:
+    for kind in FORMATS.keys() - TESTED_ELSEWHERE:
         assert export([dataset], kind, root / kind) == []
     assert not list(root.rglob("*.part"))
     return root
