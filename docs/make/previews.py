@@ -24,7 +24,7 @@ from icymoon.settings import description, preset_files
 from icymoon.stereo.images.develop import Channels
 from icymoon.typed_settings import Parts, Settings
 
-#: Pixels of a preview in the usual proportion, and light paths per pixel. The sidebar shows it at a third of it.
+#: Pixels of a preview in the usual proportion, and light paths per pixel, denoised. The sidebar shows it at a third.
 WIDTH, HEIGHT, SAMPLES = 256, 192, 32
 JPEG_QUALITY = 82
 _SENSOR = {"auto_exposure": False}
@@ -66,7 +66,8 @@ def make(name: str, folder: Path) -> Path:
     kind = name.split("/")[0]
     base, changes = SAMPLES_OF.get(kind, (name, {}))
     described = description.merged(description.defaults(), preset_files.load_preset(base),
-                                   preset_files.load_preset(name), changes, {"quality": {"samples": SAMPLES}})
+                                   preset_files.load_preset(name), changes,
+                                   {"quality": {"samples": SAMPLES, "denoiser": "OIDN"}})
     if kind == "bodies":
         described = description.merged(described, look_at_planet(described))
     if kind == "surfaces":
