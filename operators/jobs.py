@@ -16,6 +16,8 @@ from ..render.workers.process import Message, Process
 from .sidebar_text import in_window
 
 _INTERVAL_S = 0.1
+#: Share of a job, or seconds, from which on the remaining time is shown.
+_SURE_FROM, _SURE_FROM_S = 0.1, 120.0
 
 
 def this_blender() -> str:
@@ -47,10 +49,11 @@ class Job:
 
     @property
     def remaining_s(self) -> float | None:
-        """Estimate of the remaining seconds, or None while there is none."""
-        if self.fraction <= 0.02:
+        """Estimate of the remaining seconds, or None while there is none: at first the start of the process counts."""
+        past_s = time.monotonic() - self.started
+        if self.fraction <= 0.02 or (self.fraction < _SURE_FROM and past_s < _SURE_FROM_S):
             return None
-        return (time.monotonic() - self.started) * (1.0 - self.fraction) / self.fraction
+        return past_s * (1.0 - self.fraction) / self.fraction
 
     def advance(self) -> bool:
         """Handle the new messages of the process; False when it has ended."""

@@ -78,10 +78,10 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
         button.operator("icymoon.load_preset", text=quality.title, depress=quality.chosen).preset = quality.name
         row.label(text=quality.brief)
     for lack in dict.fromkeys(quality.lacks for quality in shipped if quality.lacks):
-        titles = " or ".join(quality.title for quality in shipped if quality.lacks == lack)
+        titles = " and ".join(quality.title for quality in shipped if quality.lacks == lack)
         # Where the present settings can be rendered, they are what the fix would make.
         told = lack if own.lacks else f"{lack.partition(';')[0]}. For a first look, lower Samples."
-        draw_sentence(column, f"Not {titles}: {told}", "ERROR")
+        draw_sentence(column, f"{titles} cannot be rendered here. {told}", "ERROR")
     if own.chosen:
         draw_lines(column, (f"With the settings below: {own.brief}",))
     draw_sentence(column, sidebar_text.speed_line(settings))

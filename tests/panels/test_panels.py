@@ -312,6 +312,14 @@ def test_the_time_that_is_left_is_told_in_hours_minutes_and_seconds(seconds, sai
     assert jobs.remaining_text(seconds) == said
 
 
+@pytest.mark.parametrize(("fraction", "past_s", "left_s"), [
+    (0.02, 3600.0, None), (0.05, 60.0, None), (0.05, 600.0, 11400.0), (0.1, 60.0, 540.0), (0.5, 60.0, 60.0)])
+def test_no_time_is_left_while_the_start_of_the_process_decides_it(monkeypatch, fraction, past_s, left_s):
+    job = jobs.Job("Render", SimpleNamespace(), lambda message: None, lambda: None, started=100.0, fraction=fraction)
+    monkeypatch.setattr(jobs.time, "monotonic", lambda: 100.0 + past_s)
+    assert job.remaining_s == (None if left_s is None else pytest.approx(left_s))
+
+
 def test_nothing_runs_and_the_status_bar_is_left_alone(scene):
     status = SimpleNamespace(layout=Layout())
     menu._draw_status(status, bpy.context)
