@@ -315,7 +315,8 @@ def test_the_time_that_is_left_is_told_in_hours_minutes_and_seconds(seconds, sai
 @pytest.mark.parametrize(("fraction", "past_s", "left_s"), [
     (0.02, 3600.0, None), (0.05, 60.0, None), (0.05, 600.0, 11400.0), (0.1, 60.0, 540.0), (0.5, 60.0, 60.0)])
 def test_no_time_is_left_while_the_start_of_the_process_decides_it(monkeypatch, fraction, past_s, left_s):
-    job = jobs.Job("Render", SimpleNamespace(), lambda message: None, lambda: None, started=100.0, fraction=fraction)
+    process: Any = SimpleNamespace()
+    job = jobs.Job("Render", process, lambda message: None, lambda: None, started=100.0, fraction=fraction)
     monkeypatch.setattr(jobs.time, "monotonic", lambda: 100.0 + past_s)
     assert job.remaining_s == (None if left_s is None else pytest.approx(left_s))
 
