@@ -5,10 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 from ..errors import IcyMoonError
 from .installed import Plugin, load, summary_of
+
+Made = TypeVar("Made")
 
 
 @dataclass(frozen=True)
@@ -19,25 +22,36 @@ class Check:
     fault: str = ""
 
 
+def check_making(what: str, make: Callable[[], Made]) -> tuple[Check, Made | None]:
+    """A check that ``make`` succeeds, and what it made; None where it raised a sentence."""
+    try:
+        return Check(what), make()
+    except IcyMoonError as error:
+        return Check(what, str(error)), None
+
+
+def check_call(what: str, act: Callable[..., Any], /, *arguments: Any, **changes: Any) -> Check:
+    """A check that a call succeeds, whatever it returns."""
+    return check_making(what, partial(act, *arguments, **changes))[0]
+
+
 def check_of(what: str, act: Callable[[], str | None]) -> Check:
     """A check whose fault is what ``act`` returns, or the sentence that it raises."""
-    try:
-        return Check(what, act() or "")
-    except IcyMoonError as error:
-        return Check(what, str(error))
+    check, fault = check_making(what, act)
+    return Check(what, check.fault or fault or "")
 
 
 def check_package(plugin: Plugin) -> Iterator[Check]:
     """Whether a plug-in can be loaded where there is no Blender, and what it states about itself."""
     blender_before = "bpy" in sys.modules
-    loaded: list[Any] = []
-    yield (first := check_of("it can be imported, and states ICYMOON_API", lambda: loaded.append(load(plugin))))
+    first, loaded = check_making("it can be imported, and states ICYMOON_API", lambda: load(plugin))
+    yield first
     if first.fault:
         return
     yield Check("it does not import Blender",
                 f"{plugin.title} imports bpy, which the Python of the evaluator does not have; leave it out."
                 if "bpy" in sys.modules and not blender_before else "")
-    yield Check("its first line states what it is", "" if summary_of(loaded[0]) else
+    yield Check("its first line states what it is", "" if summary_of(loaded) else
                 f"{plugin.title} has no docstring; begin it with a line that lists and reports show.")
     yield Check("its licence is stated", "" if plugin.licence else
                 f"The package {plugin.package} states no licence; add license = \"…\" under [project], or nobody may "

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..files import sha256
-from ..plugins.check import Check, check_of
+from ..plugins.check import Check, check_call, check_making, check_of
 from ..plugins.installed import Plugin
 from ..scratch import scratch_folder
 from ..settings.description import defaults
@@ -48,12 +48,11 @@ def _texture(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def check_matcher(plugin: Plugin) -> Iterator[Check]:
     """Try a matcher on images of several sizes and with the ends of its options."""
-    made: list[PluginMatcher] = []
-    yield (first := check_of("it has match(left, right, context), and its options are declared",
-                             lambda: made.append(PluginMatcher(plugin))))
-    if first.fault:
+    first, matcher = check_making("it has match(left, right, context), and its options are declared",
+                                  lambda: PluginMatcher(plugin))
+    yield first
+    if matcher is None:
         return
-    matcher = made[0]
     defaults = {option.key: option.default for option in matcher.OPTIONS}
     left, right, truth = textured_pair(colour=matcher.COLOUR)
 
@@ -61,29 +60,29 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
         given = defaults | {"min_disparity": _LEAST_PX, "disparities": count} | options
         return matcher.compute(left, right, given, None).disparity
 
-    found: list[np.ndarray] = []
-    yield (ran := check_of("it returns a disparity for each pixel, in float", lambda: found.append(run())))
-    if ran.fault:
+    ran, found = check_making("it returns a disparity for each pixel, in float", run)
+    yield ran
+    if found is None:
         return
-    yield Check("it measures the plane of the trial, in px and with the right sign", _fault(plugin, found[0], truth))
-    outside = int(((found[0] < _LEAST_PX - 1) | (found[0] > _LEAST_PX + _COUNT)).sum())
+    yield Check("it measures the plane of the trial, in px and with the right sign", _fault(plugin, found, truth))
+    outside = int(((found < _LEAST_PX - 1) | (found > _LEAST_PX + _COUNT)).sum())
     yield Check("it keeps to the disparities that are searched", "" if not outside else
                 f"{plugin.title} returned {outside} disparities outside {_LEAST_PX} to {_LEAST_PX + _COUNT - 1} px; "
                 "search context.least_px to context.most_px, or return NaN.")
     yield check_of("the same images give the same result", lambda: None if np.array_equal(
-        found[0], run(), equal_nan=True) else f"{plugin.title} gave two results for the same images; draw its random "
+        found, run(), equal_nan=True) else f"{plugin.title} gave two results for the same images; draw its random "
                    "numbers from a fixed seed.")
     flat = np.full_like(left, 100)
-    yield check_of("images without texture are no error", lambda: _nothing(run(flat, flat)))
+    yield check_call("images without texture are no error", run, flat, flat)
     small, other, _ = textured_pair(24, 33, matcher.COLOUR)
-    yield check_of("small images are no error", lambda: _nothing(run(small, other)))
-    yield check_of("a range as wide as the image is no error", lambda: _nothing(run(small, other, 48)))
+    yield check_call("small images are no error", run, small, other)
+    yield check_call("a range as wide as the image is no error", run, small, other, 48)
     for option in matcher.OPTIONS:
         if option.key in ("disparities", "min_disparity") or (
                 isinstance(option.default, str) and not option.choices):
             continue
         for value in option.choices or (option.minimum, option.maximum):
-            yield check_of(f"{option.key}={value} is no error", partial(_try, run, option.key, value))
+            yield check_call(f"{option.key}={value} is no error", run, **{option.key: value})
 
 
 def _fault(plugin: Plugin, found: np.ndarray, truth: np.ndarray) -> str:
@@ -109,20 +108,11 @@ def _fault(plugin: Plugin, found: np.ndarray, truth: np.ndarray) -> str:
             "and return NaN where a match is not certain.")
 
 
-def _try(run: Callable[..., Any], key: str, value: Any) -> None:
-    run(**{key: value})
-
-
-def _nothing(result: Any) -> None:
-    """No fault, since it came back."""
-
-
 def check_metric(plugin: Plugin) -> Iterator[Check]:
     """Try a metric on a disparity map with gaps, one without an error, and one without a measurement."""
-    made: list[PluginMetric] = []
-    yield (first := check_of("it has measure(found), and its unit is declared",
-                             lambda: made.append(PluginMetric(plugin))))
-    if first.fault:
+    first, metric = check_making("it has measure(found), and its unit is declared", lambda: PluginMetric(plugin))
+    yield first
+    if metric is None:
         return
     left, _, truth = textured_pair()
     rough = truth + np.where(np.arange(_WIDTH) % 7 < 3, 0.75, -0.25)
@@ -130,35 +120,35 @@ def check_metric(plugin: Plugin) -> Iterator[Check]:
 
     def run(disparity: np.ndarray, true: np.ndarray = truth) -> float | None:
         depth, true_depth = (_FOCAL_BASELINE_PX_M / values for values in (disparity, true))
-        return made[0].measure(MeasuredMap(disparity.copy(), depth, true.copy(), true_depth, np.isfinite(true), left,
-                                           _FOCAL_PX, _FOCAL_BASELINE_PX_M / _FOCAL_PX))
+        return metric.measure(MeasuredMap(disparity.copy(), depth, true.copy(), true_depth, np.isfinite(true), left,
+                                          _FOCAL_PX, _FOCAL_BASELINE_PX_M / _FOCAL_PX))
 
-    found: list[float | None] = []
-    yield (ran := check_of("it returns a number", lambda: found.append(run(rough))))
+    ran, found = check_making("it returns a number", lambda: run(rough))
+    yield ran
     if ran.fault:
         return
-    yield Check("it is defined for a map with errors and gaps", "" if found[0] is not None else
+    yield Check("it is defined for a map with errors and gaps", "" if found is not None else
                 f"{plugin.title} returned NaN or infinity for a map with errors and gaps; leave out what is NaN.")
-    yield check_of("the same map gives the same number", lambda: None if run(rough) == found[0] else
+    yield check_of("the same map gives the same number", lambda: None if run(rough) == found else
                    f"{plugin.title} gave two numbers for the same map; draw its random numbers from a fixed seed.")
-    yield check_of("a map that is the truth is no error", partial(_call, run, truth))
-    yield check_of("a map without a measurement is no error", partial(_call, run, np.full_like(truth, np.nan)))
+    yield check_call("a map that is the truth is no error", run, truth)
+    yield check_call("a map without a measurement is no error", run, np.full_like(truth, np.nan))
     sky = np.where(np.arange(_HEIGHT)[:, None] < 40, np.nan, truth)
-    yield check_of("sky without a truth is no error", partial(_call, run, rough, sky))
-    yield check_of("a pair without any truth is no error", partial(_call, run, rough, np.full_like(truth, np.nan)))
+    yield check_call("sky without a truth is no error", run, rough, sky)
+    yield check_call("a pair without any truth is no error", run, rough, np.full_like(truth, np.nan))
 
 
 def check_export(plugin: Plugin) -> Iterator[Check]:
     """Try an export on a pair of a grey camera and one of a colour camera, the latter without labels."""
-    made: list[PluginExport] = []
-    yield (first := check_of("it has write_pair(pair, folder)", lambda: made.append(PluginExport(plugin))))
-    if first.fault:
+    first, exporter = check_making("it has write_pair(pair, folder)", lambda: PluginExport(plugin))
+    yield first
+    if exporter is None:
         return
     with scratch_folder() as folder:
         written: dict[str, dict[str, str]] = {}
 
         def run(out: str, colour: bool) -> str:
-            files = made[0].write_pair(_pair_to_export(colour), folder / out)
+            files = exporter.write_pair(_pair_to_export(colour), folder / out)
             written[out] = {path.relative_to(folder / out).as_posix(): sha256(path) for path in files}
             return ""
 
@@ -169,9 +159,8 @@ def check_export(plugin: Plugin) -> Iterator[Check]:
             "" if written["first"] == written["second"] else
             f"{plugin.title} wrote other bytes for the same pair; leave out the time and other things that change."))
         yield check_of("it writes a pair of a colour camera, without labels", partial(run, "colour", True))
-        if made[0].finishes:
-            yield check_of("finish(names, folder) is no error",
-                           lambda: made[0].finish(["first"], folder / "first"))
+        if exporter.finishes:
+            yield check_call("finish(names, folder) is no error", exporter.finish, ["first"], folder / "first")
 
 
 def _pair_to_export(colour: bool) -> ExportedPair:
@@ -185,7 +174,3 @@ def _pair_to_export(colour: bool) -> ExportedPair:
                         light.astype(np.float32), light.astype(np.float32), depth, depth, disparity, disparity, seen,
                         seen, labels, labels, _FOCAL_PX, _WIDTH / 2, _HEIGHT / 2, _FOCAL_BASELINE_PX_M / _FOCAL_PX,
                         settings)
-
-
-def _call(run: Callable[..., Any], *arguments: Any) -> None:
-    run(*arguments)

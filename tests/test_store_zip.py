@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import ast
 import os
-import subprocess
-import sys
-import textwrap
 import tomllib
 import zipfile
 
 import pytest
 import store_zip
+from blender_program import run_main
 from extension_zip import ROOT, shipped
 
 SOURCES = sorted(ROOT / name for name in shipped() - set(store_zip.LEFT_OUT) if name.endswith(".py"))
@@ -127,7 +125,7 @@ def test_the_preferences_are_named_after_the_package():
     assert any(ast.unparse(node) == "bl_idname = __package__" for node in preferences.body)
 
 
-PROGRAM = textwrap.dedent("""
+PROGRAM = """
     import hashlib, os, sys, traceback
     from pathlib import Path
     import bpy
@@ -160,25 +158,10 @@ PROGRAM = textwrap.dedent("""
         assert not addon_utils._extensions_warnings_get()
         bpy.ops.preferences.addon_disable(module="bl_ext.user_default.icymoon")
         assert "ICYMOON_WHEELS" not in os.environ
-
-    status = 1
-    try:
-        main()
-        status = 0
-    except BaseException:
-        traceback.print_exc()
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(status)  # the Blender module may crash or hang when it is unloaded
-    """)
+    """
 
 
 @pytest.mark.heavy
 def test_it_works_without_an_installer_and_writes_nothing_into_its_folder(built, tmp_path):
-    resources = tmp_path / "blender"
-    resources.mkdir()
     environment = {key: value for key, value in os.environ.items() if key != "ICYMOON_EVALUATOR"}
-    ended = subprocess.run([sys.executable, "-c", PROGRAM, str(built), str(tmp_path / "dataset")], timeout=240,
-                           capture_output=True, text=True, check=False, cwd=tmp_path,
-                           env={**environment, "BLENDER_USER_RESOURCES": str(resources)})
-    assert ended.returncode == 0, ended.stdout + ended.stderr
+    run_main(PROGRAM, built, tmp_path, environment)

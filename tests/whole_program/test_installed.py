@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
-import textwrap
 
 import pytest
+from blender_program import run_main
 from extension_zip import build
 
-PROGRAM = textwrap.dedent("""
+PROGRAM = """
     import os, sys, traceback
     from pathlib import Path
     import bpy
@@ -63,26 +61,11 @@ PROGRAM = textwrap.dedent("""
         left = [path for path in Path(os.environ["BLENDER_USER_RESOURCES"]).rglob("*") if "icymoon" in path.name]
         assert not left, f"uninstalling leaves {left}"
         assert not [name for name in bpy.context.preferences.addons.keys() if "icymoon" in name]
-
-    status = 1
-    try:
-        main()
-        status = 0
-    except BaseException:
-        traceback.print_exc()
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(status)  # the Blender module may crash or hang when it is unloaded
-    """)
+    """
 
 
 @pytest.mark.heavy
 def test_the_zip_installs_works_and_goes_without_a_trace(tmp_path):
     archive = tmp_path / "icymoon.zip"
     build(archive)
-    resources = tmp_path / "blender"
-    resources.mkdir()
-    ended = subprocess.run([sys.executable, "-c", PROGRAM, str(archive), str(tmp_path / "dataset")], timeout=240,
-                           capture_output=True, text=True, check=False, cwd=tmp_path,
-                           env={**os.environ, "BLENDER_USER_RESOURCES": str(resources)})
-    assert ended.returncode == 0, ended.stdout + ended.stderr
+    run_main(PROGRAM, archive, tmp_path, os.environ)

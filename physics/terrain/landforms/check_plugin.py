@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from ....plugins.check import Check, check_of
+from ....plugins.check import Check, check_call, check_making, check_of
 from ....plugins.installed import Plugin
 from ....plugins.landforms import PluginLandform, read_landform
 
@@ -21,12 +20,11 @@ _SAME_M = 1e-9
 
 def check_landform(plugin: Plugin) -> Iterator[Check]:
     """Try a landform at its defaults, with its size at 1 or its largest, and at both ends of each setting."""
-    made: list[PluginLandform] = []
-    yield (first := check_of("it has height(x, y, settings), and its settings are declared",
-                             lambda: made.append(read_landform(plugin))))
-    if first.fault:
+    first, landform = check_making("it has height(x, y, settings), and its settings are declared",
+                                   lambda: read_landform(plugin))
+    yield first
+    if landform is None:
         return
-    landform = made[0]
     size = landform.settings[0]
     most = min(size.maximum, 1.0) if isinstance(size.default, float) else min(int(size.maximum), 1)
     settings = {number.key: number.default for number in landform.settings} | {size.key: most}
@@ -36,11 +34,10 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
     def run(x: np.ndarray = x, y: np.ndarray = y, seed: int = _SEED, **changes: Any) -> np.ndarray:
         return landform.heights(x, y, landform.told(settings | changes, seed))
 
-    found: list[np.ndarray] = []
-    yield (ran := check_of("it returns a height for every point, in metres", lambda: found.append(run())))
-    if ran.fault:
+    ran, heights = check_making("it returns a height for every point, in metres", run)
+    yield ran
+    if heights is None:
         return
-    heights = found[0]
     yield Check(f"it makes relief where {size.key} is {most:g}", "" if np.ptp(heights) > 0 else
                 f"{plugin.title} is level where {size.key} is {most:g}; make its heights depend on it.")
     yield check_of("the same points have the same heights again", lambda: _differs(plugin, run(), heights,
@@ -54,14 +51,14 @@ def check_landform(plugin: Plugin) -> Iterator[Check]:
                    lambda: _differs(plugin, run(flat_x, flat_y), heights.ravel()[order], wrong)
                    or _differs(plugin, run(x[:, :7], y[5:9]), heights[5:9, :7], wrong)
                    or _differs(plugin, run(x[:, :1], y[:1]), heights[:1, :1], wrong))
-    yield check_of("another seed is no error", partial(_call, run, seed=_SEED + 1))
-    yield check_of("points far away are no error", partial(_call, run, x * 1000.0, y * 1000.0))
+    yield check_call("another seed is no error", run, seed=_SEED + 1)
+    yield check_call("points far away are no error", run, x * 1000.0, y * 1000.0)
     yield check_of("it states its smallest length", lambda: _finest(landform, settings))
     for number in landform.settings:
         for value in (number.minimum, number.maximum):
             whole = not isinstance(number.default, float)
             changes = {number.key: int(value) if whole else float(value)}
-            yield check_of(f"{number.key}={value:g} is no error", partial(_call, run, **changes))
+            yield check_call(f"{number.key}={value:g} is no error", run, **changes)
 
 
 def _differs(plugin: Plugin, heights: np.ndarray, expected: np.ndarray, what: str) -> str:
@@ -75,7 +72,3 @@ def _finest(landform: PluginLandform, settings: Mapping[str, Any]) -> str:
                 "metres, or a mesh that is too coarse for it shows noise.")
     landform.finest_m(landform.told(settings, _SEED))
     return ""
-
-
-def _call(run: Any, *arguments: Any, **changes: Any) -> None:
-    run(*arguments, **changes)
