@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import errno
+import glob
 import hashlib
 import itertools
 import json
@@ -80,6 +81,16 @@ def read_text(path: Path) -> str:
     except UnicodeDecodeError as error:
         raise ValueError(f"byte {error.start} is no text; save it as UTF-8") from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:
+    """The files in a folder that processes of this computer which have certainly ended left half-written; ``pattern``
+    is what the whole file is called."""
+    scope = system.process_scope()
+    for part in folder.glob(f"{pattern}.{glob.escape(system.computer_name())}-*-*{PART}"):
+        writer = part.name.removesuffix(PART).rsplit("-", 2)[1]
+        if writer.isdecimal() and system.is_gone(int(writer), scope) and part.is_file() and not part.is_symlink():
+            yield part
 
 
 def write_text(path: Path, text: str) -> None:

@@ -20,7 +20,7 @@ from typing import Any
 from ..errors import IcyMoonError
 from ..files import read_checksum
 from ..version import version
-from .artefacts import check_output_folder, files_exist
+from .artefacts import check_output_folder, files_exist, remove_leftovers
 from .datasets.predictions import PREDICTION, find_prediction, options_of, parse_predictions
 from .environment import packages
 from .matchers import files_of, release_of
@@ -92,6 +92,7 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
         raise IcyMoonError("There is no method to evaluate; name one with --methods or --predictions.")
     names = [source.name for source in sources]
     check_output_folder(out, names)
+    remove_leftovers(out)
     run = Run(methods, out, dict(response or {}), points)
     evaluation = _Evaluation(sources, run, on_event)
     try:

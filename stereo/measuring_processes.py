@@ -23,6 +23,7 @@ from ..errors import DiskError, IcyMoonError
 from ..render.workers.job import python_command
 from ..render.workers.process import clean_environment
 from ..system import KEEPS_MEMORY, count_processors, kill_all, start
+from .artefacts import remove_leftovers
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
 from .measure_pair import Run, Task, measure_pair
@@ -48,7 +49,7 @@ class Processes:
     """Processes that measure; each is started when there is a task for it."""
 
     def __init__(self, count: int, paths: Sequence[Path], run: Run) -> None:
-        self._count = count
+        self._count, self._out = count, run.out
         self._setup = {"paths": [str(path) for path in paths], "methods": [asdict(method) for method in run.methods],
                        "out": str(run.out), "response": run.response, "points": run.points}
         self._said: queue.SimpleQueue[tuple[_Process, dict[str, Any] | None]] = queue.SimpleQueue()
@@ -86,6 +87,7 @@ class Processes:
         finally:
             for process in (*idle, *busy):
                 process.kill()
+            remove_leftovers(self._out)  # what each was writing when it was ended
 
     def _wait(self) -> tuple[_Process, dict[str, Any] | None]:
         while True:  # Windows interrupts nobody who waits for longer

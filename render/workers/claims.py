@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ... import system
-from ...files import PART, explain_disk_errors, part_of, read_text
+from ...files import PART, explain_disk_errors, find_leftover_parts, part_of, read_text
 from ...records import PROCESS, TEXT, Maybe, find_fault, parse_json
 from ..pairs.our_files import is_claim, remove_ours
 from ..pairs.publish import resolve_leftover
@@ -136,10 +136,8 @@ class Claims:
                 self._settle(part)
         # Such as the manifest's, the clock's and that of a pair.json that was to state other settings.
         for where, pattern in ((self._dataset, "*"), (self._pairs, ".clock"), (self._pairs, "*/*")):
-            for file in where.glob(f"{pattern}.{system.computer_name()}-*-*{PART}"):
-                writer = file.name.removesuffix(PART).rsplit("-", 2)[1]
-                if writer.isdecimal() and system.is_gone(int(writer), system.process_scope()):
-                    self._remove(file)
+            for file in find_leftover_parts(where, pattern):
+                self._remove(file)
         for path in self._list_claims():
             if not self._is_mine(path) and self._is_stale(path):
                 self._remove(path)

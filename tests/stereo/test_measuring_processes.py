@@ -8,6 +8,8 @@ import time
 
 import pairs
 import pytest
+from icymoon import system
+from icymoon.files import PART
 from icymoon.stereo import measuring_processes as module
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import Method, parse_methods
@@ -55,17 +57,58 @@ def test_several_processes_give_what_one_gives(dataset, tmp_path):
         assert timeless(evaluate([dataset], parse_methods("bm,sgbm"), tmp_path / "two", jobs=2)) == timeless(one)
 
 
-@pytest.mark.heavy
-@pytest.mark.skipif(os.name == "nt", reason="no signal ends a process there")
-def test_a_process_that_is_killed_fails_its_pair_and_no_other(dataset, tmp_path, monkeypatch):
-    started = []
-    real = module.start
+def note_starts(monkeypatch):
+    """The measuring processes that are started from now on."""
+    started, real = [], module.start
 
     def start(*arguments, **streams):
         started.append(real(*arguments, **streams))
         return started[-1]
 
     monkeypatch.setattr(module, "start", start)
+    return started
+
+
+def write_part(folder, pid):
+    part = folder / f"bm.npz.{system.computer_name()}-{pid}-1{PART}"
+    part.parent.mkdir(parents=True, exist_ok=True)
+    part.write_bytes(b"half")
+    return part
+
+
+@pytest.mark.heavy
+def test_an_interrupt_leaves_nothing_half_written(dataset, tmp_path, monkeypatch):
+    started = note_starts(monkeypatch)
+
+    def interrupt(event):
+        for process in started:
+            write_part(tmp_path / "pairs" / "a", process.pid)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        evaluate([dataset], parse_methods("bm"), tmp_path, on_event=interrupt, jobs=2)
+    assert started
+    assert not list(tmp_path.rglob(f"*{PART}"))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a number may be used again at once there")
+def test_what_a_killed_evaluation_left_is_removed_and_what_another_writes_is_not(dataset, tmp_path):
+    gone = subprocess.Popen([sys.executable, "-c", ""])
+    gone.wait()
+    left = [write_part(tmp_path / "pairs" / "b", gone.pid), write_part(tmp_path / "pairs" / "of-another", gone.pid)]
+    ours = write_part(tmp_path / "pairs" / "b", os.getpid())
+    of_a_user = tmp_path / "pairs" / "b" / "half.part"
+    of_a_user.write_bytes(b"")
+    evaluate([dataset], parse_methods("bm"), tmp_path, jobs=1)
+    assert not any(path.exists() for path in left)
+    assert ours.exists()
+    assert of_a_user.exists()
+
+
+@pytest.mark.heavy
+@pytest.mark.skipif(os.name == "nt", reason="no signal ends a process there")
+def test_a_process_that_is_killed_fails_its_pair_and_no_other(dataset, tmp_path, monkeypatch):
+    started = note_starts(monkeypatch)
 
     def kill_the_first(event):
         if event["type"] == "progress" and len(killed) == 0:
