@@ -128,29 +128,6 @@ def has_oidn() -> bool:
     return bool(getattr(_cycles, "with_openimagedenoise", False))
 
 
-def select_gpu_devices() -> list[str]:
-    """Names of the graphics cards that Cycles can render on, for the first backend that has any.
-
-    Selects that backend and its cards in the preferences of this session, which are not saved.
-    """
-    add_on = bpy.context.preferences.addons.get("cycles")
-    if add_on is None:
-        return []
-    cycles = add_on.preferences
-    for backend in ("OPTIX", "CUDA", "HIP", "METAL", "ONEAPI"):
-        try:
-            cycles.compute_device_type = backend
-        except TypeError:
-            continue  # this build does not know the backend
-        cards = [d for d in cycles.get_devices_for_type(backend) if d.type == backend]
-        if cards:
-            for device in cycles.devices:
-                device.use = device.type == backend
-            return [card.name for card in cards]
-    cycles.compute_device_type = "NONE"
-    return []
-
-
 def find_mesh_importer(kind: str) -> tuple[Any, dict[str, Any]] | None:
     """The operator that reads a kind of mesh file and its options, or None if this Blender has none.
 

@@ -18,6 +18,7 @@ from ..render.pairs.pair_folder import is_complete
 from ..render.plans import frozen_plan as datasets
 from ..render.plans.order import ordered, shard
 from ..render.plans.planned_pair import PlannedPair
+from ..render.workers.cards import choose_cards
 from ..render.workers.job import python_command
 from ..render.workers.manifest import write_manifest
 from ..render.workers.process import clean_environment, emit, report_errors
@@ -79,10 +80,17 @@ def add_verbs(verbs: Any) -> None:
 def _add_worker_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=int, metavar="N", help="processes that render (one for four processors)")
     parser.add_argument("--threads-per-worker", type=int, metavar="N", help="threads of each (all, divided evenly)")
+    add_cards_option(parser)
     parser.add_argument("--scenes-per-worker", type=int, default=50, metavar="N",
                         help="scenes after which a process is replaced by a fresh one (%(default)s)")
     parser.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
     parser.add_argument("--json", action="store_true", help="print what happens as JSON lines")
+
+
+def add_cards_option(parser: argparse.ArgumentParser) -> None:
+    """Add ``--cards`` to the options of a verb that renders."""
+    parser.add_argument("--cards", default="", metavar="N,N", help="graphics cards for scenes with quality.device GPU, "
+                        "numbered as icymoon doctor lists them; each worker takes one (ICYMOON_CARDS, or all)")
 
 
 def parse_workers(options: argparse.Namespace) -> WorkerOptions:
@@ -91,9 +99,10 @@ def parse_workers(options: argparse.Namespace) -> WorkerOptions:
         value = getattr(options, name)
         if value is not None and value < 1:
             raise IcyMoonError(f"--{name.replace('_', '-')} is {value}; give 1 or more.")
-    count = options.workers or max(1, count_processors() // _THREADS)
+    cards = choose_cards(options.cards)
+    count = options.workers or (len(cards.numbers) if options.cards else 0) or max(1, count_processors() // _THREADS)
     threads = options.threads_per_worker or max(1, count_processors() // count)
-    return WorkerOptions(count, threads, options.blender, options.scenes_per_worker)
+    return WorkerOptions(count, threads, options.blender, options.scenes_per_worker, cards=cards)
 
 
 @contextmanager

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from ..errors import IcyMoonError
 from ..render.cost.abilities import Abilities, ask_abilities, check_abilities
 from ..render.cost.tolerance import PX, checked_tolerance, parse_fraction
+from ..render.workers.cards import choose_cards
 from ..render.workers.job import Job, absolute_folder, render_job
 from ..render.workers.process import Message, emit, report_errors
 from ..scratch import scratch_folder
@@ -58,6 +59,7 @@ def _make_parser() -> argparse.ArgumentParser:
     render = verbs.add_parser("render", help="build the described scene and render its stereo pairs")
     _add_scene_options(render)
     render.add_argument("--out", type=as_path, help="data set folder, instead of dataset.folder")
+    batch.add_cards_option(render)
     render.add_argument("--again", action="store_true", help="render pairs that are already complete once more")
     render.set_defaults(run=_run_render)
 
@@ -167,6 +169,7 @@ def render_settings(settings: Settings, dataset: Path, blender: str, *, again: b
 
 
 def _run_render(options: argparse.Namespace) -> int:
+    choose_cards(options.cards)
     settings = _read_settings(options)
     if settings.source.file and settings.source.kind == "PROCEDURAL":
         print("icymoon: source.file is not used: source.kind is PROCEDURAL; set it to MESH or HEIGHT_MAP.",

@@ -186,7 +186,7 @@ def start_batch(settings: Settings, command: list[str], plan: str) -> Detached:
     return Detached.start(
         command, state_folder() / f"{zlib.crc32(str(folder).encode()):08x}",
         {"title": _TITLE, "dataset": str(folder), "plan": plan, "evaluate": settings.dataset.evaluate},
-        clean_environment())
+        jobs.environment_with_cards("GPU", clean_environment()))
 
 
 class DatasetOperator(jobs.JobOperator):

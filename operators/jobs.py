@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
 
 from ..errors import IcyMoonError
+from ..render.graphics_cards import find_ticked_cards
+from ..render.workers.cards import ENVIRONMENT, add_cards
 from ..render.workers.detached import Detached
 from ..render.workers.process import Message, Process
 from .sidebar_text import in_window
@@ -18,6 +21,14 @@ from .sidebar_text import in_window
 _INTERVAL_S = 0.1
 #: Share of a job, or seconds, from which on the remaining time is shown.
 _SURE_FROM, _SURE_FROM_S = 0.1, 120.0
+
+
+def environment_with_cards(device: str, environment: Mapping[str, str] | None = None) -> Mapping[str, str] | None:
+    """The environment (None: ours) of a process that renders on ``device``: with the graphics cards that are ticked in
+    the preferences of Blender, unless the environment names others."""
+    if device != "GPU" or ENVIRONMENT in os.environ:
+        return environment
+    return add_cards(environment, find_ticked_cards())
 
 
 def this_blender() -> str:

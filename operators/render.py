@@ -101,7 +101,8 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         if edited:
             bpy.ops.wm.save_as_mainfile(filepath=str(files.blend), copy=True, check_existing=False)
         try:
-            process = Process(blender_command(jobs.this_blender(), "worker", str(files.file)))
+            process = Process(blender_command(jobs.this_blender(), "worker", str(files.file)),
+                              jobs.environment_with_cards(settings.quality.device))
         except IcyMoonError:
             files.remove()
             raise

@@ -48,7 +48,7 @@ def _begin(context: bpy.types.Context, verb: str, title: str, handle: Any, *argu
     command = python_command(python, verb, "--settings", str(file), "--blender", jobs.this_blender(),
                              *matchers, "--out", str(_folder(settings)), "--json-lines", *arguments)
     try:
-        process = Process(command, clean_environment())
+        process = Process(command, jobs.environment_with_cards(settings.quality.device, clean_environment()))
     except IcyMoonError:
         remove_folder(folder)
         raise
@@ -179,7 +179,8 @@ class ICYMOON_OT_measure_machine(jobs.JobOperator, bpy.types.Operator):
             remove_folder(folder)
 
         try:
-            process = Process(blender_command(jobs.this_blender(), "worker", str(job.file)), clean_environment())
+            process = Process(blender_command(jobs.this_blender(), "worker", str(job.file)),
+                              jobs.environment_with_cards(self._device, clean_environment()))
         except IcyMoonError:
             clean()
             raise

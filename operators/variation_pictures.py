@@ -115,7 +115,8 @@ class ICYMOON_OT_show_ends(jobs.JobOperator, bpy.types.Operator):
             remove_folder(folder)
 
         try:
-            process = Process(blender_command(jobs.this_blender(), "worker", str(files.file)))
+            process = Process(blender_command(jobs.this_blender(), "worker", str(files.file)),
+                              jobs.environment_with_cards(settings.quality.device))
         except IcyMoonError:
             clean_up()
             raise

@@ -8,6 +8,7 @@ from .. import compat
 from ..errors import IcyMoonError
 from ..typed_settings import QualitySettings, Settings
 from .cost.abilities import Abilities, lack_for, lack_for_quality
+from .graphics_cards import select_cards
 
 _GLOSSY_BOUNCES = 2
 #: Refractions of one path in clear ice: into a rock, out of it, and through two more.
@@ -19,7 +20,7 @@ def detect_abilities(quality: QualitySettings) -> Abilities:
     """What this Blender can do; graphics cards are looked for only if the quality asks for them, as that selects
     them."""
     return Abilities(compat.has_osl(), compat.has_oidn(),
-                     quality.device != "GPU" or bool(compat.select_gpu_devices()))
+                     quality.device != "GPU" or bool(select_cards()))
 
 
 def find_lack(settings: Settings) -> str:

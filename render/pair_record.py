@@ -21,6 +21,7 @@ from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ..physics.scene_requirements import find_left_out
 from ..system import peak_memory_mib
 from ..version import version
+from .graphics_cards import list_selected_cards
 from .pairs.pair_folder import EYES, FORMAT, VERSION, StereoCamera
 from .plans.planned_pair import PlannedPair
 
@@ -75,7 +76,8 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
         "seeds": {"dataset": settings.dataset.seed, "render": planned.render_seed},
         "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),
                      "numpy": np.__version__, "icymoon": version()},
-        "device": settings.quality.device, "osl": compat.has_osl(),
+        "device": settings.quality.device,
+        **({"cards": list_selected_cards()} if settings.quality.device == "GPU" else {}), "osl": compat.has_osl(),
         "hapke": describe_hapke(built.materials), "denoiser": settings.quality.denoiser,
         "platform": platform.platform(),
         "seconds": seconds, "peak_memory_mib": peak_memory_mib(),

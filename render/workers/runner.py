@@ -18,6 +18,7 @@ from ...records import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
 from ..pairs.pair_folder import is_complete, update_response
 from ..plans.order import cut_into_jobs
 from ..plans.planned_pair import PlannedPair
+from .cards import ALL_CARDS, Cards, add_cards, choose_one
 from .claims import Claims
 from .job import Job, blender_command
 from .process import Message, Process
@@ -39,13 +40,15 @@ _MESSAGES: dict[str, Shape] = {
 @dataclass(frozen=True)
 class WorkerOptions:
     """How many processes render, how many threads each has (0: all), in which Blender; how many scenes a process
-    may render before another takes its place, and the seconds after which one that sends nothing is ended."""
+    may render before another takes its place, the seconds after which one that sends nothing is ended, and the graphics
+    cards, of which each has one."""
 
     count: int
     threads: int
     blender: str
     most_scenes: int = 50
     silence_s: float = 3600.0
+    cards: Cards = ALL_CARDS
 
 
 @dataclass
@@ -55,6 +58,7 @@ class _Worker:
     job: Job
     process: Process
     pairs: list[PlannedPair]
+    place: int = 0  # among those that run at the same time
     heard: float = field(default_factory=time.monotonic)
     current: str = ""  # the pair in progress
     fraction: float = 0.0  # of it
@@ -174,12 +178,15 @@ class Runner:
 
     def _start(self, pairs: list[PlannedPair]) -> None:
         job = Job(self._dataset, pairs=pairs, threads=self._options.threads)
+        taken = {worker.place for worker in self._running}
+        place = next(place for place in range(len(taken) + 1) if place not in taken)
         try:
-            process = Process(blender_command(self._options.blender, "worker", str(job.file)))
+            process = Process(blender_command(self._options.blender, "worker", str(job.file)), add_cards(
+                None, choose_one(self._options.cards, place, self._options.count)))
         except IcyMoonError:
             job.discard()
             raise
-        self._running.append(_Worker(job, process, pairs))
+        self._running.append(_Worker(job, process, pairs, place))
 
     def _handle(self, worker: _Worker, message: Message) -> None:
         kind = message["type"]

@@ -31,6 +31,8 @@ def main() -> None:
     behave = json.loads((here / "behave.json").read_text())
     job = json.loads(Path(sys.argv[-1]).read_text())
     dataset = Path(job["dataset"])
+    with (here / "cards").open("a") as log:
+        log.write(f"{os.environ.get('ICYMOON_CARDS', 'all')}\n")
     if "mute" in behave:
         os._exit(3)
     say("progress", fraction=0.0, message="Building the scene")

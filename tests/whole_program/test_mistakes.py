@@ -25,7 +25,7 @@ from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
 from icymoon.operators import presets
 from icymoon.physics.camera.blur import blur_of
-from icymoon.render import render_pair
+from icymoon.render import cycles_settings, render_pair
 from icymoon.render.cycles_settings import check_possible
 from icymoon.render.workers.job import python_command
 from icymoon.settings import preset_files
@@ -191,7 +191,7 @@ def no_denoiser(place: Place) -> str:
 
 
 def no_card(place: Place) -> str:
-    place.patch.setattr(compat, "select_gpu_devices", list)
+    place.patch.setattr(cycles_settings, "select_cards", list)
     return raised(lambda: check_possible(complete({"quality": {"device": "GPU"}}).quality))
 
 

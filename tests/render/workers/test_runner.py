@@ -14,6 +14,7 @@ from icymoon.commands import batch
 from icymoon.errors import IcyMoonError
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.workers import runner
+from icymoon.render.workers.cards import Cards
 from icymoon.render.workers.claims import Claims
 from icymoon.render.workers.manifest import MANIFEST
 from icymoon.render.workers.runner import Runner, WorkerOptions
@@ -42,6 +43,15 @@ def test_every_pair_is_rendered_once_and_said_once(stand, workers):
     assert fractions[-1] == 1.0
     stand.run()
     assert len(stand.rendered) == len(PAIRS)  # nothing again
+
+
+@pytest.mark.parametrize(("workers", "cards", "given"), [(2, Cards("CUDA", (0, 2)), {"CUDA:0", "CUDA:2"}),
+                                                         (1, Cards("", (0, 2)), {"0,2"}), (2, Cards(), {"all"})])
+def test_each_worker_has_a_graphics_card_of_its_own(stand, workers, cards, given):
+    stand.behave(all="sleep")  # so that they run at the same time
+    stand.run(workers=workers, cards=cards)
+    stand.assert_done()
+    assert set((stand.folder / "cards").read_text().split()) == given
 
 
 def test_a_worker_that_dies_costs_one_attempt_at_one_pair(stand):

@@ -1,0 +1,63 @@
+"""The graphics cards that Cycles renders on in this Blender."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from .workers.cards import BACKENDS, Cards, pick, read_chosen_cards
+
+
+def select_cards() -> list[str]:
+    """Number and name of each graphics card that Cycles is to render on, such as "0: Name".
+
+    They are those of ``read_chosen_cards``, or all. Selects them, and their backend, in the preferences of this
+    session, which are not saved. Raises IcyMoonError if a chosen one is not there.
+    """
+    add_on = bpy.context.preferences.addons.get("cycles")
+    if add_on is None:
+        return []
+    chosen = read_chosen_cards()
+    cycles = add_on.preferences
+    for backend in (chosen.backend,) if chosen.backend else BACKENDS:
+        found = _list_cards(cycles, backend)
+        if found:
+            numbers = pick(chosen, [card.name for card in found])
+            for device in cycles.devices:
+                device.use = False
+            for number in numbers:
+                found[number].use = True
+            return [f"{number}: {found[number].name}" for number in numbers]
+    cycles.compute_device_type = "NONE"
+    pick(chosen, [])
+    return []
+
+
+def list_selected_cards() -> list[str]:
+    """Names of the graphics cards that ``select_cards`` has selected in this session."""
+    add_on = bpy.context.preferences.addons.get("cycles")
+    if add_on is None:
+        return []
+    cycles = add_on.preferences
+    return [device.name for device in cycles.devices if device.use and device.type == cycles.compute_device_type]
+
+
+def _list_cards(cycles: Any, backend: str) -> list[Any]:
+    """The cards of a backend, which becomes the selected one; none if this build does not know it."""
+    try:
+        cycles.compute_device_type = backend
+    except TypeError:
+        return []
+    return [device for device in cycles.get_devices_for_type(backend) if device.type == backend]
+
+
+def find_ticked_cards() -> Cards:
+    """The graphics cards that the user has ticked in the preferences of Blender; none if none, or all of them."""
+    add_on = bpy.context.preferences.addons.get("cycles")
+    backend = getattr(add_on.preferences, "compute_device_type", "NONE") if add_on else "NONE"
+    if add_on is None or backend not in BACKENDS:
+        return Cards()
+    found = [device for device in add_on.preferences.get_devices_for_type(backend) if device.type == backend]
+    ticked = tuple(number for number, device in enumerate(found) if device.use)
+    return Cards(backend, ticked) if ticked else Cards()

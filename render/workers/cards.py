@@ -1,0 +1,87 @@
+"""Which graphics cards a worker renders on. Imports no Blender.
+
+A scene states only that it is rendered on graphics cards, as another machine has others. The cards themselves are named
+by ``--cards``, by the environment variable ``ICYMOON_CARDS``, or, in the window, in the preferences of Blender.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from ...errors import IcyMoonError
+from ...files import shorten
+
+ENVIRONMENT = "ICYMOON_CARDS"
+#: What Cycles calls the programming interfaces of graphics cards; the first that has any card is taken.
+BACKENDS = ("OPTIX", "CUDA", "HIP", "METAL", "ONEAPI")
+_TEXT = re.compile(rf"(?:({'|'.join(BACKENDS)}):)?([0-9]{{1,3}}(?:,[0-9]{{1,3}})*)", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Cards:
+    """The cards to render on: numbers as ``icymoon doctor`` lists them, of one of BACKENDS. Empty is any, or all."""
+
+    backend: str = ""
+    numbers: tuple[int, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.backend}{':' if self.backend else ''}{','.join(map(str, self.numbers))}"
+
+
+ALL_CARDS = Cards()
+
+
+def parse_cards(text: str, origin: str = "--cards") -> Cards:
+    """The cards that a text such as ``0,2`` or ``CUDA:1`` names. Raises IcyMoonError if it is none; ``origin`` is
+    where it stands."""
+    if not text.strip():
+        return Cards()
+    stated = _TEXT.fullmatch(text.replace(" ", ""))
+    if not stated:
+        raise IcyMoonError(f"{origin} is {shorten(text)!r}; write numbers of graphics cards as icymoon doctor lists "
+                           "them, as in 0,2 or CUDA:1.")
+    return Cards((stated[1] or "").upper(), tuple(dict.fromkeys(int(number) for number in stated[2].split(","))))
+
+
+def read_chosen_cards() -> Cards:
+    """The cards that the environment of this process names. Raises IcyMoonError if it names none rightly."""
+    return parse_cards(os.environ.get(ENVIRONMENT, ""), ENVIRONMENT)
+
+
+def choose_cards(text: str) -> Cards:
+    """The cards that ``--cards`` names, or else the environment. What is started from now on finds them there.
+
+    Raises IcyMoonError if the text names none rightly.
+    """
+    cards = parse_cards(text) if text.strip() else read_chosen_cards()
+    if cards.numbers:
+        os.environ[ENVIRONMENT] = str(cards)
+    return cards
+
+
+def choose_one(cards: Cards, place: int, workers: int) -> Cards:
+    """The cards of one of several ``workers``: a card of its own where several are chosen, in turn."""
+    if workers < 2 or len(cards.numbers) < 2:
+        return cards
+    return Cards(cards.backend, (cards.numbers[place % len(cards.numbers)],))
+
+
+def add_cards(environment: Mapping[str, str] | None, cards: Cards) -> Mapping[str, str] | None:
+    """An environment (None: ours) in which a worker finds ``cards``; unchanged if none are chosen."""
+    if not cards.numbers:
+        return environment
+    return {**(os.environ if environment is None else environment), ENVIRONMENT: str(cards)}
+
+
+def pick(cards: Cards, found: Sequence[str]) -> list[int]:
+    """Numbers of the cards to use among those that Cycles has ``found``, by name. Raises IcyMoonError if one is not
+    there."""
+    absent = [number for number in cards.numbers if number >= len(found)]
+    if absent:
+        there = ", ".join(f"{number}: {name}" for number, name in enumerate(found)) or "none"
+        raise IcyMoonError(f"There is no graphics card {absent[0]} for Cycles; choose among those that are there by "
+                           f"--cards or {ENVIRONMENT} ({there}).")
+    return list(cards.numbers) or list(range(len(found)))
