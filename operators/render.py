@@ -95,10 +95,11 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         self._warn(built)
         self._scene_uid = context.scene.session_uid
         self._rendered: list[str] = []
-        edited = built.edited
+        # The worker need not build again what is there; other headings have meshes of their own.
+        as_built = bool(built.edited) or settings.dataset.headings == 1
         files = JobFiles(dataset_folder(settings), with_absolute_files(settings), again=self.again,
-                         scene=context.scene.name if edited else None)
-        if edited:
+                         scene=context.scene.name if as_built else None)
+        if as_built:
             bpy.ops.wm.save_as_mainfile(filepath=str(files.blend), copy=True, check_existing=False)
         try:
             process = Process(blender_command(jobs.this_blender(), "worker", str(files.file)),
