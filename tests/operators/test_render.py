@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import bpy
 import pytest
@@ -29,7 +30,7 @@ def started(monkeypatch):
     monkeypatch.setattr(render, "Process", FakeProcess)
 
     def start(context):
-        operator = SimpleNamespace(again=False, _warn=lambda built: None, _hear=lambda message: None)
+        operator: Any = SimpleNamespace(again=False, _warn=lambda built: None, _hear=lambda message: None)
         job = render.ICYMOON_OT_render_pair.start(operator, context)
         return job, read_job(Path(commands[-1][-1]))
 
