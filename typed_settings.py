@@ -441,6 +441,58 @@ class RigSettings(Table):
     y_m: float  # m
 
 
+class LanderSettings(Table):
+    """A lander whose mast carries the cameras, with an arm in front of them."""
+
+    __slots__ = ()
+    kind: Literal["NONE", "PARAMETRIC"]
+    turn_deg: float  # deg
+    deck_front_m: float  # m
+    deck_width_m: float  # m
+    deck_height_m: float  # m
+    pad_ahead_m: float  # m
+    pad_apart_m: float  # m
+    pad_diameter_m: float  # m
+    pad_sink_m: float  # m
+    frost_share: float
+
+
+class ArmSettings(Table):
+    """The lander's arm: angles of its joints, their faults and limits, and its sizes."""
+
+    __slots__ = ()
+    yaw_deg: float  # deg
+    shoulder_deg: float  # deg
+    elbow_deg: float  # deg
+    wrist_deg: float  # deg
+    roll_deg: float  # deg
+    yaw_offset_deg: float  # deg
+    shoulder_offset_deg: float  # deg
+    elbow_offset_deg: float  # deg
+    wrist_offset_deg: float  # deg
+    roll_offset_deg: float  # deg
+    yaw_low_deg: float  # deg
+    yaw_high_deg: float  # deg
+    shoulder_low_deg: float  # deg
+    shoulder_high_deg: float  # deg
+    elbow_low_deg: float  # deg
+    elbow_high_deg: float  # deg
+    wrist_low_deg: float  # deg
+    wrist_high_deg: float  # deg
+    roll_low_deg: float  # deg
+    roll_high_deg: float  # deg
+    shoulder_x_m: float  # m
+    shoulder_y_m: float  # m
+    shoulder_z_m: float  # m
+    offset_m: float  # m
+    upper_m: float  # m
+    fore_m: float  # m
+    hand_m: float  # m
+    scoop_length_m: float  # m
+    scoop_width_m: float  # m
+    scoop_depth_m: float  # m
+
+
 class SensorSettings(Table):
     """From radiance to digital numbers (EMVA 1288). Changes need no new render."""
 
@@ -549,6 +601,8 @@ class Settings(Table):
     rock_surface: RockSurfaceSettings
     light: LightSettings
     rig: RigSettings
+    lander: LanderSettings
+    arm: ArmSettings
     sensor: SensorSettings
     quality: QualitySettings
     dataset: DatasetSettings
@@ -574,6 +628,8 @@ TABLES: dict[str, type[Table]] = {
     "rock_surface": RockSurfaceSettings,
     "light": LightSettings,
     "rig": RigSettings,
+    "lander": LanderSettings,
+    "arm": ArmSettings,
     "sensor": SensorSettings,
     "quality": QualitySettings,
     "dataset": DatasetSettings,

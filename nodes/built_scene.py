@@ -223,7 +223,7 @@ def extra(settings: Settings) -> str:
 def changed_settings(built: Built, settings: Settings) -> list[str]:
     """Names of the settings that the built scene does not show yet, and of files whose content has changed."""
     shown = [(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings
-             if s.effect in ("geometry", "material", "light", "camera")]
+             if s.effect in ("geometry", "material", "light", "lander", "camera")]
     changed = [f"{topic}.{key}" for topic, key in shown
                if built.settings.get(topic, {}).get(key) != settings[topic][key]]
     # A missing file changes nothing: the scene still contains what was built from it.

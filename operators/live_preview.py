@@ -27,7 +27,7 @@ from .sidebar_text import plain
 BUDGET_S = 0.08
 #: Vertices per side of the previewed ground.
 SIDES: tuple[int, ...] = (129, 193, 257)
-_SHOWN = {"geometry", "material", "light", "camera"}
+_SHOWN = {"geometry", "material", "light", "lander", "camera"}
 _side = SIDES[1]
 _waiting: set[str] = set()  # names of scenes with changes that the timer will show
 

@@ -45,6 +45,8 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
         return _is_terrain_shown(key, root)
     if TOPICS[topic].parent == LANDFORMS:
         return uses_landforms(root)
+    if topic in ("lander", "arm"):
+        return bool((topic, key) == ("lander", "kind") or root.lander.kind != "NONE")
     if topic == "mesh":
         return bool(key == "kind" or group.kind == "GRADED")
     if topic == "hills" or (topic, key) == ("rocks", "beyond_px"):

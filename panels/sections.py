@@ -26,7 +26,7 @@ class Section:
 ADVANCED = "advanced"
 #: Topics whose panel is inside the panel of another topic.
 INSIDE = {"source": "terrain", "hills": "terrain", "mesh": "terrain", "hapke": "surface", "textures": "surface",
-          "rock_surface": "rocks"}
+          "rock_surface": "rocks", "arm": "lander"}
 
 
 def _advanced(topic: str, *settings: str) -> Section:
@@ -50,6 +50,7 @@ def _of_surface(topic: str) -> tuple[Section, ...]:
                       "refractive_index"))
 
 
+_ARM = ("yaw", "shoulder", "elbow", "wrist", "roll")  # its joints
 SECTIONS = (
     Section("terrain", "noise", "Layers of Noise", "Fractal noise that is added to the random surface",
             ("layers",)),
@@ -82,6 +83,16 @@ SECTIONS = (
         "speed_right_m_s", "speed_down_m_s", "speed_forward_m_s", "turn_right_deg_s", "turn_down_deg_s", "roll_deg_s",
         "motion_exposure_s")),
     _advanced("rig", "sensor_width_mm", "heading_deg", "x_m", "y_m"),
+    Section("lander", "body", "Deck and Legs", "Sizes of the lander, and frost on it", (
+        "turn_deg", "deck_front_m", "deck_width_m", "deck_height_m", "pad_ahead_m", "pad_apart_m", "pad_diameter_m",
+        "pad_sink_m", "frost_share")),
+    Section("arm", "faults", "Faults", "Difference of each joint's real angle from the commanded angle", tuple(
+        f"{name}_offset_deg" for name in _ARM)),
+    Section("arm", "limits", "Limits", "Angles between which each joint can turn", tuple(
+        f"{name}_{end}_deg" for name in _ARM for end in ("low", "high"))),
+    Section("arm", "sizes", "Sizes", "Where the arm is mounted, its lengths and its scoop", (
+        "shoulder_x_m", "shoulder_y_m", "shoulder_z_m", "offset_m", "upper_m", "fore_m", "hand_m", "scoop_length_m",
+        "scoop_width_m", "scoop_depth_m")),
     Section("sensor", "optics", "Optics", "Aperture, wavelengths and sharpness of lens and filter", (
         "f_number", "pixel_pitch_um", "transmission", "band_centre_nm", "band_width_nm", "band_weights", "psf_sigma_px",
         "veiling_glare")),

@@ -40,7 +40,7 @@ def _is_topic_shown(topic: str, root: object) -> bool:
     if topic == "hapke":
         used = [root.surface, *([root.rock_surface] if root.rocks.own_surface else [])]  # type: ignore[attr-defined]
         return any(surface.model == "HAPKE" for surface in used)
-    if topic != "hills" and TOPICS[topic].parent != LANDFORMS:
+    if topic not in ("hills", "arm") and TOPICS[topic].parent != LANDFORMS:
         return True
     return any(is_shown(topic, setting.key, root) for setting in TOPICS[topic].settings)
 

@@ -112,7 +112,7 @@ def _raise_reasons(reasons: Iterable[str]) -> None:
 
 def _same_scene_and_light(one: Settings, other: Settings) -> bool:
     """Whether two descriptions differ in nothing but camera, sampling, response and run."""
-    return all(part(one) == part(other) for part in (changes.scene, changes.look, changes.light))
+    return all(part(one) == part(other) for part in (changes.scene, changes.look, changes.light, changes.lander))
 
 
 def _check_id(planned: PlannedPair, built: Built, extra: str) -> None:

@@ -26,8 +26,10 @@ def _of_effect(effect: str) -> set[tuple[str, str]]:
     return {(topic.key, s.key) for topic in TOPICS.values() for s in topic.settings if s.effect == effect}
 
 
-_SHAPE, _LOOK, _LIGHT, _CAMERA, _SAMPLING, _RESPONSE = map(
-    _of_effect, ("geometry", "material", "light", "camera", "sampling", "response"))
+_SHAPE, _LOOK, _LIGHT, _LANDER, _CAMERA, _SAMPLING, _RESPONSE = map(
+    _of_effect, ("geometry", "material", "light", "lander", "camera", "sampling", "response"))
+#: What the lander takes from the rig, which its mast carries.
+_MAST = {("rig", key) for key in ("x_m", "y_m", "height_m", "heading_deg", "pitch_deg", "baseline_m")}
 
 
 def _part(settings: Settings, keys: Iterable[tuple[str, str]]) -> dict[str, dict[str, Any]]:
@@ -90,6 +92,11 @@ def look(settings: Settings) -> Parts:
 def light(settings: Settings) -> Parts:
     """The settings on which lights depend. Stars also depend on the size of a pixel."""
     return _part(settings, _LIGHT | (_PIXEL if settings.light.stars else set()))
+
+
+def lander(settings: Settings) -> Parts:
+    """The settings on which the lander and its arm depend, with the rig that its mast carries."""
+    return _part(settings, _LANDER | (_MAST if settings.lander.kind != "NONE" else set()))
 
 
 def camera(settings: Settings) -> Parts:

@@ -414,6 +414,56 @@ class RigOverrides(TypedDict, total=False):
     y_m: float  # m
 
 
+class LanderOverrides(TypedDict, total=False):
+    """Changes of ``lander``."""
+
+    kind: Literal["NONE", "PARAMETRIC"]
+    turn_deg: float  # deg
+    deck_front_m: float  # m
+    deck_width_m: float  # m
+    deck_height_m: float  # m
+    pad_ahead_m: float  # m
+    pad_apart_m: float  # m
+    pad_diameter_m: float  # m
+    pad_sink_m: float  # m
+    frost_share: float
+
+
+class ArmOverrides(TypedDict, total=False):
+    """Changes of ``arm``."""
+
+    yaw_deg: float  # deg
+    shoulder_deg: float  # deg
+    elbow_deg: float  # deg
+    wrist_deg: float  # deg
+    roll_deg: float  # deg
+    yaw_offset_deg: float  # deg
+    shoulder_offset_deg: float  # deg
+    elbow_offset_deg: float  # deg
+    wrist_offset_deg: float  # deg
+    roll_offset_deg: float  # deg
+    yaw_low_deg: float  # deg
+    yaw_high_deg: float  # deg
+    shoulder_low_deg: float  # deg
+    shoulder_high_deg: float  # deg
+    elbow_low_deg: float  # deg
+    elbow_high_deg: float  # deg
+    wrist_low_deg: float  # deg
+    wrist_high_deg: float  # deg
+    roll_low_deg: float  # deg
+    roll_high_deg: float  # deg
+    shoulder_x_m: float  # m
+    shoulder_y_m: float  # m
+    shoulder_z_m: float  # m
+    offset_m: float  # m
+    upper_m: float  # m
+    fore_m: float  # m
+    hand_m: float  # m
+    scoop_length_m: float  # m
+    scoop_width_m: float  # m
+    scoop_depth_m: float  # m
+
+
 class SensorOverrides(TypedDict, total=False):
     """Changes of ``sensor``."""
 
@@ -518,6 +568,8 @@ class Overrides(TypedDict, total=False):
     rock_surface: RockSurfaceOverrides
     light: LightOverrides
     rig: RigOverrides
+    lander: LanderOverrides
+    arm: ArmOverrides
     sensor: SensorOverrides
     quality: QualityOverrides
     dataset: DatasetOverrides

@@ -23,7 +23,7 @@ Value = bool | int | float | str | list[dict[str, Any]]
 
 #: What must be made again after a change of a setting, the most expensive first. After a change of
 #: "response" only the images are developed again. A change of "run" changes no result.
-EFFECTS = ("geometry", "material", "light", "camera", "sampling", "response", "run")
+EFFECTS = ("geometry", "material", "light", "lander", "camera", "sampling", "response", "run")
 
 
 @dataclass(frozen=True)
@@ -734,6 +734,62 @@ LIGHT = Topic("light", "Light", "The Sun and the planet, which are the only ligh
             "number", "light", "mag", -2.0, 8.0, (0.0, 6.5), precision=1),
 ))
 
+LANDER = Topic("lander", "Lander", "A lander whose mast carries the cameras, with an arm in front of them", (
+    Setting("kind", "Lander", "NONE", "The lander in the picture", "lander",
+            choices=(("NONE", "None", "No lander"),
+                     ("PARAMETRIC", "Parametric", "Deck, two legs, mast and arm of the sizes that are stated here"))),
+    _degrees("turn_deg", "Turn of the Deck", 0.0, -180.0, 180.0,
+             "Direction of the lander to the right of the rig's heading", "lander"),
+    _metres("deck_front_m", "Deck Front", 0.4, 0.15, 5.0, (0.2, 1.0),
+            "Distance of the deck's front edge ahead of the mast", "lander"),
+    _metres("deck_width_m", "Deck Width", 1.3, 0.2, 10.0, (0.5, 3.0), "Width of the deck at its front edge", "lander"),
+    _metres("deck_height_m", "Deck Height", 0.6, 0.15, 10.0, (0.3, 2.0), "Height of the deck's top above the ground "
+            "under the mast", "lander"),
+    _metres("pad_ahead_m", "Pads Ahead", 1.05, 0.1, 10.0, (0.3, 3.0), "Distance of the two pads ahead of the mast",
+            "lander"),
+    _metres("pad_apart_m", "Pads Apart", 2.0, 0.2, 20.0, (0.5, 5.0), "Distance between the centres of the two pads",
+            "lander"),
+    _metres("pad_diameter_m", "Pad Diameter", 0.32, 0.05, 5.0, (0.1, 1.0), "Diameter of a pad", "lander"),
+    _metres("pad_sink_m", "Pad Sinkage", 0.02, 0.0, 1.0, (0.0, 0.1), "Depth to which each pad is pressed into the "
+            "ground under its centre", "lander"),
+    _fraction("frost_share", "Frost Share", 0.1, "Share of upward surfaces of the lander that frost covers, in patches",
+              "lander"),
+))
+
+#: Joints of the arm: key, label, what its angle is, default, lowest and highest angle in degrees.
+_JOINTS = (
+    ("yaw", "Yaw", "turn of the whole arm to the left", -12.0, -105.0, 105.0),
+    ("shoulder", "Shoulder", "angle of the upper arm above the horizontal", 38.0, -30.0, 120.0),
+    ("elbow", "Elbow", "angle of the forearm upward from the line of the upper arm", -92.0, -165.0, 165.0),
+    ("wrist", "Wrist", "angle of the hand upward from the line of the forearm", -22.0, -150.0, 150.0),
+    ("roll", "Roll", "turn of the scoop about the line of the hand", 0.0, -180.0, 180.0),
+)
+
+ARM = Topic("arm", "Arm", "The lander's arm: angles of its joints, their faults and limits, and its sizes", (
+    *(_degrees(f"{key}_deg", label, angle, -360.0, 360.0, f"Commanded {text}", "lander", (-180.0, 180.0))
+      for key, label, text, angle, _, _ in _JOINTS),
+    *(_degrees(f"{key}_offset_deg", f"{label} Fault", 0.0, -90.0, 90.0, f"Fault of the joint {key}: its real angle is "
+               "the commanded angle plus this", "lander", (-5.0, 5.0), 3) for key, label, *_ in _JOINTS),
+    *(_degrees(f"{key}_{end}_deg", f"{label} {title}", at, -360.0, 360.0, f"{title} angle of the joint {key}", "lander",
+               (-180.0, 180.0))
+      for key, label, _, _, low, high in _JOINTS for end, title, at in (("low", "Lowest", low),
+                                                                        ("high", "Highest", high))),
+    _metres("shoulder_x_m", "Shoulder Ahead", 0.8, -5.0, 5.0, (0.0, 2.0), "Distance of the yaw axis ahead of the mast",
+            "lander"),
+    _metres("shoulder_y_m", "Shoulder Left", 0.0, -5.0, 5.0, (-1.0, 1.0), "Distance of the yaw axis left of the mast",
+            "lander"),
+    _metres("shoulder_z_m", "Shoulder Height", 0.6, 0.1, 10.0, (0.3, 2.0), "Height of the shoulder's axis above the "
+            "ground under the mast", "lander"),
+    _metres("offset_m", "Shoulder Offset", 0.1, 0.0, 2.0, (0.0, 0.3), "Distance of the shoulder's axis from the yaw "
+            "axis", "lander"),
+    _metres("upper_m", "Upper Arm", 1.0, 0.1, 10.0, (0.3, 2.0), "Length from shoulder to elbow", "lander"),
+    _metres("fore_m", "Forearm", 0.9, 0.1, 10.0, (0.3, 2.0), "Length from elbow to wrist", "lander"),
+    _metres("hand_m", "Hand", 0.15, 0.03, 2.0, (0.05, 0.5), "Length from wrist to scoop", "lander"),
+    _metres("scoop_length_m", "Scoop Length", 0.1, 0.01, 2.0, (0.03, 0.3), "Length of the scoop", "lander"),
+    _metres("scoop_width_m", "Scoop Width", 0.08, 0.01, 2.0, (0.03, 0.3), "Width of the scoop", "lander"),
+    _metres("scoop_depth_m", "Scoop Depth", 0.06, 0.01, 2.0, (0.02, 0.2), "Depth of the scoop", "lander"),
+))
+
 RIG = Topic("rig", "Stereo Camera", "Two identical cameras, parallel unless toed in. The left one is the reference", (
     _metres("baseline_m", "Baseline", 0.25, 1.0e-4, 100.0, (0.02, 1.0),
             "Distance between the two optical centres", "camera"),
@@ -958,7 +1014,7 @@ DATASET = Topic("dataset", "Data Set", "Folder and plan of a data set", (
 
 TOPICS: dict[str, Topic] = {t.key: t for t in (
     SOURCE, TERRAIN, MESH, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, PITS, HILLS, MANTLE, SURFACE, HAPKE,
-    TEXTURES, ROCKS, ROCK_SURFACE, LIGHT, RIG, SENSOR, QUALITY, DATASET)}
+    TEXTURES, ROCKS, ROCK_SURFACE, LIGHT, RIG, LANDER, ARM, SENSOR, QUALITY, DATASET)}
 
 
 def _topic_of(landform: PluginLandform) -> Topic:

@@ -26,7 +26,7 @@ PURE = (
     "terminal", "typed_settings", "plugins",
     "physics/rig", "physics/random_numbers", "physics/rocks", "physics/terrain/noise", "physics/terrain/roughness",
     "physics/terrain/landforms", "physics/terrain", "physics/mesh",
-    "physics/surfaces", "physics/light", "physics/camera", "physics",
+    "physics/surfaces", "physics/light", "physics/camera", "physics/arm", "physics",
     "formats", "paper_stand_ins", "settings",
     "render/pairs", "render/plans", "render/workers", "render/cost",
     "stereo/environment", "stereo/images", "stereo/measure", "stereo/networks",

@@ -28,8 +28,8 @@ from notebooks import pages as _notebooks
 from python_api import page as _python
 
 #: The first step that must be repeated after a change of a setting, by its effect.
-EFFECTS = {"geometry": "build", "material": "render", "light": "render", "camera": "render", "sampling": "render",
-           "response": "evaluate", "run": ""}
+EFFECTS = {"geometry": "build", "material": "render", "light": "render", "lander": "render", "camera": "render",
+           "sampling": "render", "response": "evaluate", "run": ""}
 
 
 def pages() -> dict[str, str]:

@@ -1,7 +1,7 @@
 """The order in which pairs are rendered, so that as little as possible is built again between two. Imports no Blender.
 
-The costly changes come first: another scene builds ground and rocks and Cycles' tree of triangles; another surface
-or light builds that tree; another camera nothing.
+The costly changes come first: another scene builds ground and rocks and Cycles' tree of triangles; another surface,
+light or lander builds that tree; another camera nothing.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from ...typed_settings import Parts, Settings
 from .planned_pair import PlannedPair
 
 _STAGES: tuple[Callable[[Settings], Parts], ...] = (
-    changes.scene, changes.look, changes.light, changes.camera, changes.sampling)
+    changes.scene, changes.look, changes.light, changes.lander, changes.camera, changes.sampling)
 #: Jobs per worker that a data set is cut into, so that the last ones of all workers end at about the same time.
 _JOBS_PER_WORKER = 4
 
@@ -26,7 +26,7 @@ def settings_key(part: Callable[[Settings], Parts], pair: PlannedPair) -> str:
 
 
 def ordered(pairs: Sequence[PlannedPair]) -> list[PlannedPair]:
-    """The same pairs, each once, so that scenes change least, then surfaces, then lights, then cameras.
+    """The same pairs, each once, so that scenes change least, then surfaces, then lights, then landers, then cameras.
 
     At each of these stages the order is that of the plan. It does not depend on which pairs are complete.
     """

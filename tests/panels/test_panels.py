@@ -95,7 +95,8 @@ CHOICES = ({}, {"source.kind": "MESH", "source.detail": True}, {"source.kind": "
            {"surface.model": "LUNAR_LAMBERT", "rock_surface.model": "LUNAR_LAMBERT"}, {"surface.model": "HAPKE"},
            {"surface.ice_colour": "SNOW", "rock_surface.ice_colour": "SNOW"}, {"rocks.law": "TABLE"},
            {"sensor.colour": "BAYER"}, {"textures.set": "OWN"}, {"textures.set": "STAND_IN", "source.kind": "STAND_IN"},
-           {"light.directions_from": "KERNELS"}, {"dataset.plan": "//plan.toml"})
+           {"light.directions_from": "KERNELS"}, {"dataset.plan": "//plan.toml"},
+           {"lander.kind": "PARAMETRIC"})
 
 
 def set_choices(root: object, chosen: dict) -> None:
@@ -216,7 +217,7 @@ def test_the_matchers_there_are_stand_in_the_tooltip():
 def test_the_panels_follow_the_work_from_top_to_bottom():
     tops: list[Any] = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel) and not hasattr(cls, "bl_parent_id")]
     assert [cls.bl_label for cls in sorted(tops, key=lambda cls: getattr(cls, "bl_order", 0))] == [
-        "Icy Moon", "Ground", "Ice", "Rocks", "Light", "Stereo Camera", "Exposure and Noise",
+        "Icy Moon", "Ground", "Ice", "Rocks", "Light", "Stereo Camera", "Lander", "Exposure and Noise",
         "Quality and Speed", "Data Set", "Evaluation"]
 
 

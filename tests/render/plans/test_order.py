@@ -125,7 +125,8 @@ def test_shares_are_whole_scenes_if_there_are_as_many(count):
 
 def test_what_decides_the_order_is_every_setting_but_response_and_run():
     settings = PAIRS[0].settings
-    listed = {(topic, name) for part in (changes.scene, changes.look, changes.light, changes.camera, changes.sampling)
+    parts = changes.scene, changes.look, changes.light, changes.lander, changes.camera, changes.sampling
+    listed = {(topic, name) for part in parts
               for topic, values in part(settings).items() for name in values}
     from icymoon.settings.table import all_settings
     needed = {(topic, s.key) for topic, s in all_settings() if s.effect not in ("response", "run")}

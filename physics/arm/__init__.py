@@ -1,0 +1,1 @@
+"""The lander's arm: kinematics, reach and collisions."""

@@ -1,0 +1,94 @@
+"""Whether an arm touches itself, the lander, the ground or an eye, by capsules around its links."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .kinematics import Arm, Capsule, forward
+
+Heights = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+#: Distance in metres between the points on a capsule at which the ground under it is asked.
+_STEP_M = 0.02
+
+
+@dataclass(frozen=True)
+class Line:
+    """A capsule in the world: start and end (3,), radius in metres, and the number of its link, -1 for the base."""
+
+    link: int
+    start: np.ndarray
+    end: np.ndarray
+    radius_m: float
+
+
+def lines_of(arm: Arm, joints_rad: np.ndarray, others: tuple[Capsule, ...] = ()) -> list[Line]:
+    """The capsules of an arm in the world, and ``others`` that are still, in the frame of the arm's base."""
+    poses = forward(arm, joints_rad)
+    found = []
+    for capsule in (*arm.capsules, *others):
+        at = poses[capsule.link] if capsule.link >= 0 else arm.base
+        start, end = (at[:3, :3] @ np.array(each) + at[:3, 3] for each in (capsule.start, capsule.end))
+        found.append(Line(capsule.link, start, end, capsule.radius_m))
+    return found
+
+
+def segment_distance(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> float:
+    """Distance between the segments a-b and c-d (Ericson 2005, *Real-Time Collision Detection*, section 5.1.9)."""
+    u, v, w = b - a, d - c, a - c
+    uu, uv, vv, uw, vw = u @ u, u @ v, v @ v, u @ w, v @ w
+    denominator = uu * vv - uv * uv
+    # Of parallel segments any point of the first is as good as another, until it is clamped below.
+    s = np.clip((uv * vw - vv * uw) / denominator, 0.0, 1.0) if denominator > 1e-15 else 0.0
+    t = np.clip((uv * s + vw) / vv, 0.0, 1.0) if vv > 0 else 0.0
+    s = np.clip((uv * t - uw) / uu, 0.0, 1.0) if uu > 0 else 0.0
+    return float(np.linalg.norm(w + s * u - t * v))
+
+
+def clearance_m(one: Line, other: Line) -> float:
+    """Distance between two capsules in metres, negative where they overlap."""
+    return segment_distance(one.start, one.end, other.start, other.end) - one.radius_m - other.radius_m
+
+
+def find_self_collisions(arm: Arm, joints_rad: np.ndarray, others: tuple[Capsule, ...] = ()) -> list[tuple[str, str]]:
+    """Pairs of names of the links that overlap, "lander" for the base. Links that share a joint always meet there."""
+    names = (*arm.links, "lander")  # -1 is the last
+    lines, found = lines_of(arm, joints_rad, others), []
+    for k, one in enumerate(lines):
+        for other in lines[k + 1:]:
+            if not _joined(arm, one.link, other.link) and clearance_m(one, other) < 0:
+                found.append((names[one.link], names[other.link]))
+    return list(dict.fromkeys(found))
+
+
+def _joined(arm: Arm, one: int, other: int) -> bool:
+    """Whether two links are one, or share a joint, or are both still."""
+    return (one == other or (one >= 0 and arm.joints[one].parent == other)
+            or (other >= 0 and arm.joints[other].parent == one))
+
+
+def ground_clearances_m(arm: Arm, joints_rad: np.ndarray, heights: Heights) -> dict[str, float]:
+    """Least height of each moving link above the ground in metres, negative inside it, NaN beside it.
+
+    ``heights`` returns the height in metres of the ground at coordinates (n,).
+    """
+    found: dict[str, float] = {}
+    for line in lines_of(arm, joints_rad):
+        count = 2 + int(np.linalg.norm(line.end - line.start) / _STEP_M)
+        points = line.start + np.linspace(0.0, 1.0, count)[:, None] * (line.end - line.start)
+        above = points[:, 2] - line.radius_m - np.asarray(heights(points[:, 0], points[:, 1]))
+        name = arm.links[line.link]
+        least = float(np.nan if np.isnan(above).all() else np.nanmin(above))
+        found[name] = float(np.fmin(found.get(name, np.nan), least))
+    return found
+
+
+def find_link_around(arm: Arm, joints_rad: np.ndarray, point: np.ndarray) -> str:
+    """Name of the link whose capsule contains a world point (3,), such as an eye; empty if none does."""
+    for line in lines_of(arm, joints_rad):
+        if segment_distance(line.start, line.end, point, point) < line.radius_m:
+            return arm.links[line.link]
+    return ""

@@ -1,0 +1,135 @@
+"""Forward kinematics of an arm by the product of exponentials, in float64.
+
+The link after joint i is at exp([S_1] q_1) ... exp([S_i] q_i) M_i, where S is the screw of a joint and M the pose of
+the link at zero angles, both in the arm's own frame (Lynch and Park 2017, *Modern Robotics*, chapter 4).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint and the link that it moves.
+
+    ``parent`` is the number of the joint before it, -1 for the base. ``origin`` (4, 4) is the pose of the link at angle
+    0 in the frame of the link before it, ``axis`` (3,) the unit vector in the link's own frame about which it turns, or
+    along which it slides. Limits are radians or metres.
+    """
+
+    name: str
+    link: str
+    parent: int
+    origin: np.ndarray
+    axis: np.ndarray
+    low: float = -np.pi
+    high: float = np.pi
+    slides: bool = False
+
+
+@dataclass(frozen=True)
+class Capsule:
+    """All points within ``radius_m`` of the line from ``start`` to ``end`` (3,), in the frame of a link.
+
+    ``link`` is the number of the joint that moves it, -1 for the base.
+    """
+
+    link: int
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    radius_m: float
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Joints, where the base stands in the world, and what the arm is made of.
+
+    ``base`` (4, 4) is the pose of the base's frame in the world, ``tip`` (3,) the tool's point in the frame of the last
+    link. ``lengths_m`` are those of a parametric arm, whose inverse kinematics are known in closed form: the distance
+    of the shoulder's axis from the yaw's, upper arm, forearm, and wrist to tip; empty for another arm.
+    """
+
+    joints: tuple[Joint, ...]
+    base: np.ndarray
+    tip: np.ndarray
+    capsules: tuple[Capsule, ...] = ()
+    lengths_m: tuple[float, ...] = ()
+
+    @property
+    def links(self) -> tuple[str, ...]:
+        """Names of the links that move, in the order of ``forward``."""
+        return tuple(joint.link for joint in self.joints)
+
+    @property
+    def low(self) -> np.ndarray:
+        return np.array([joint.low for joint in self.joints])
+
+    @property
+    def high(self) -> np.ndarray:
+        return np.array([joint.high for joint in self.joints])
+
+
+def cross_matrix(axis: np.ndarray) -> np.ndarray:
+    """The matrix (3, 3) that maps v to axis x v."""
+    x, y, z = axis
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
+def turn(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Rotation (3, 3) about a unit axis by an angle in radians (Rodrigues)."""
+    k = cross_matrix(axis)
+    return np.asarray(np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * (k @ k))
+
+
+def pose(rotation: np.ndarray | None = None, place: tuple[float, ...] | np.ndarray = (0.0, 0.0, 0.0)) -> np.ndarray:
+    """A rigid transformation (4, 4) from a rotation (3, 3) and a place (3,) in metres."""
+    made = np.eye(4)
+    made[:3, :3] = np.eye(3) if rotation is None else rotation
+    made[:3, 3] = place
+    return made
+
+
+def _zero_poses(arm: Arm) -> list[np.ndarray]:
+    """Pose (4, 4) of each link in the base's frame at zero angles."""
+    found: list[np.ndarray] = []
+    for joint in arm.joints:
+        found.append((found[joint.parent] if joint.parent >= 0 else np.eye(4)) @ joint.origin)
+    return found
+
+
+def _exponential(joint: Joint, zero: np.ndarray, angle: float) -> np.ndarray:
+    """The motion (4, 4) in the base's frame that a joint makes, from its axis at zero angles."""
+    axis = zero[:3, :3] @ joint.axis
+    if joint.slides:
+        return pose(place=axis * angle)
+    rotation, point = turn(axis, angle), zero[:3, 3]
+    return pose(rotation, point - rotation @ point)
+
+
+def forward(arm: Arm, joints_rad: np.ndarray) -> np.ndarray:
+    """Pose of each moving link in the world, (links, 4, 4), for the angles (links,) in radians.
+
+    Limits are not applied: see ``beyond_limits``.
+    """
+    zeros = _zero_poses(arm)
+    motions: list[np.ndarray] = []
+    for joint, zero, angle in zip(arm.joints, zeros, np.asarray(joints_rad, np.float64), strict=True):
+        before = motions[joint.parent] if joint.parent >= 0 else np.eye(4)
+        motions.append(before @ _exponential(joint, zero, float(angle)))
+    return np.stack([arm.base @ motion @ zero for motion, zero in zip(motions, zeros, strict=True)])
+
+
+def tip_of(arm: Arm, joints_rad: np.ndarray) -> np.ndarray:
+    """Place (3,) in the world of the tool's point."""
+    last = forward(arm, joints_rad)[-1]
+    return np.asarray(last[:3, :3] @ arm.tip + last[:3, 3])
+
+
+def beyond_limits(arm: Arm, joints_rad: np.ndarray) -> list[int]:
+    """Numbers of the joints whose angle is outside their limits, by more than rounding."""
+    # Settings are stored in single precision: an angle at its limit may be 1e-7 of itself beyond it.
+    angles, slack = np.asarray(joints_rad, np.float64), 1e-6
+    return [int(k) for k in np.flatnonzero((angles < arm.low - slack) | (angles > arm.high + slack))]

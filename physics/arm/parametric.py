@@ -1,0 +1,129 @@
+"""The arm of the settings: yaw, three pitches and a roll, with its inverse kinematics in closed form.
+
+Angles: yaw to the left of the lander's forward axis; shoulder above the horizontal; elbow and wrist upward from the
+line of the link before. At zero the arm is stretched out forward. The tool's pitch is the sum of the three pitches.
+The lander's frame is x forward, y left, z up, on the level of the ground under the left camera, beneath the middle
+between the cameras: its mast carries the rig.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ...typed_settings import ArmSettings, Settings
+from .kinematics import Arm, Capsule, Joint, pose
+
+#: Joints of the arm in order, as the settings call them, and the link that each moves.
+JOINTS = {"yaw": "turret", "shoulder": "upper_arm", "elbow": "forearm", "wrist": "hand", "roll": "scoop"}
+#: The scoop's way into the ground: straight down.
+DOWN_RAD = -math.pi / 2
+#: Radii in metres of the capsules around the links: half the width of their tubes and the motors on them.
+RADII_M = {"turret": 0.06, "upper_arm": 0.05, "forearm": 0.045, "hand": 0.04}
+
+_UP, _PITCH, _ALONG = np.array([0.0, 0.0, 1.0]), np.array([0.0, -1.0, 0.0]), np.array([1.0, 0.0, 0.0])
+
+
+def lander_pose(settings: Settings, site_m: float = 0.0) -> np.ndarray:
+    """Pose (4, 4) of the lander's frame in the world; ``site_m`` is the height of the ground under the left camera."""
+    rig = settings.rig
+    view = math.radians(rig.heading_deg)
+    ahead = view + math.radians(settings.lander.turn_deg)
+    half = rig.baseline_m / 2
+    rotation = np.array([[math.sin(ahead), -math.cos(ahead), 0.0], [math.cos(ahead), math.sin(ahead), 0.0],
+                         [0.0, 0.0, 1.0]])
+    return pose(rotation, (rig.x_m + half * math.cos(view), rig.y_m - half * math.sin(view), site_m))
+
+
+def lengths_of(arm: ArmSettings) -> tuple[float, float, float, float]:
+    """Distance of the shoulder's axis from the yaw's, upper arm, forearm, and wrist to the scoop's tip, in metres."""
+    return arm.offset_m, arm.upper_m, arm.fore_m, arm.hand_m + arm.scoop_length_m
+
+
+def arm_of(settings: Settings, site_m: float = 0.0) -> Arm:
+    """The parametric arm of complete settings; ``site_m`` is the height in metres of the ground under the left camera.
+
+    The roll's axis is that of the hand, and the tip lies on it, so a roll does not move the tip.
+    """
+    arm = settings.arm
+    offset, upper, fore, _ = lengths_of(arm)
+    places = ((0.0, 0.0, 0.0), (offset, 0.0, 0.0), (upper, 0.0, 0.0), (fore, 0.0, 0.0), (arm.hand_m, 0.0, 0.0))
+    axes = (_UP, _PITCH, _PITCH, _PITCH, _ALONG)
+    joints = tuple(Joint(name, link, k - 1, pose(place=place), axis, math.radians(arm[f"{name}_low_deg"]),
+                         math.radians(arm[f"{name}_high_deg"]))
+                   for k, ((name, link), place, axis) in enumerate(zip(JOINTS.items(), places, axes, strict=True)))
+    shoulder = pose(place=(arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m))
+    return Arm(joints, lander_pose(settings, site_m) @ shoulder, np.array([arm.scoop_length_m, 0.0, 0.0]),
+               _capsules(arm), lengths_of(arm))
+
+
+def _capsules(arm: ArmSettings) -> tuple[Capsule, ...]:
+    radius = (arm.scoop_depth_m if arm.scoop_depth_m < arm.scoop_length_m else arm.scoop_length_m) / 2
+    aside = max(arm.scoop_width_m / 2 - radius, 0.0)
+    scoop = [Capsule(4, (radius, y, -arm.scoop_depth_m / 2), (arm.scoop_length_m - radius, y, -arm.scoop_depth_m / 2),
+                     radius) for y in sorted({-aside, aside})]
+    ends = {"turret": arm.offset_m, "upper_arm": arm.upper_m, "forearm": arm.fore_m, "hand": arm.hand_m}
+    return (*(Capsule(k, (0.0, 0.0, 0.0), (length, 0.0, 0.0), RADII_M[link])
+              for k, (link, length) in enumerate(ends.items())), *scoop)
+
+
+def commanded_rad(arm: ArmSettings) -> np.ndarray:
+    """The angles (5,) in radians that the joints were told."""
+    return np.radians([float(arm[f"{name}_deg"]) for name in JOINTS])
+
+
+def real_rad(arm: ArmSettings) -> np.ndarray:
+    """The angles (5,) in radians at which the joints are: those commanded, and the fault of each joint."""
+    return commanded_rad(arm) + np.radians([float(arm[f"{name}_offset_deg"]) for name in JOINTS])
+
+
+def _turned(angle: np.ndarray) -> np.ndarray:
+    """Angles in radians within half a turn of zero."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi)
+
+
+def solve(arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray | float,
+          pitch: float | np.ndarray = DOWN_RAD) -> tuple[np.ndarray, np.ndarray]:
+    """Both solutions (2, ..., 5) in radians, elbow up first, and their margins (2, ...), for the tip at world points.
+
+    The margin is the smallest distance in radians of a joint to its limits, negative beyond them; both are NaN out of
+    reach. ``pitch`` is that of the tool above the horizontal; the roll is 0. Any shapes that broadcast.
+    """
+    offset, upper, fore, hand = arm.lengths_m
+    x, y, z, pitch = np.broadcast_arrays(*(np.asarray(each, np.float64) for each in (x, y, z, pitch)))
+    place = np.linalg.inv(arm.base)
+    px, py, pz = (place[k, 0] * x + place[k, 1] * y + place[k, 2] * z + place[k, 3] for k in range(3))
+    # The wrist, seen in the vertical plane of the arm from the axis of the shoulder.
+    out, up = np.hypot(px, py) - offset - hand * np.cos(pitch), pz - hand * np.sin(pitch)
+    with np.errstate(invalid="ignore"):
+        bend = np.arccos((out**2 + up**2 - upper**2 - fore**2) / (2 * upper * fore))
+    yaw, found = np.arctan2(py, px), []
+    for elbow in (-bend, bend):
+        shoulder = np.arctan2(up, out) - np.arctan2(fore * np.sin(elbow), upper + fore * np.cos(elbow))
+        wrist = _turned(pitch - shoulder - elbow)
+        found.append(np.stack([yaw + 0 * elbow, _turned(shoulder), elbow, wrist, 0 * elbow], axis=-1))
+    joints = np.stack(found)
+    margins = np.minimum(joints - arm.low, arm.high - joints)[..., :4].min(axis=-1)
+    return joints, margins
+
+
+def inverse(arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray | float,
+            pitch: float | np.ndarray = DOWN_RAD) -> np.ndarray:
+    """Angles (..., 5) in radians that put the tip at world points in metres; NaN out of reach or beyond a limit.
+
+    Of two solutions the one that is farther from the limits. Raises nothing: points may be NaN.
+    """
+    joints, margins = solve(arm, x, y, z, pitch)
+    best = (np.nan_to_num(margins[1], nan=-np.inf) > np.nan_to_num(margins[0], nan=-np.inf))[..., None]
+    chosen, margin = np.where(best, joints[1], joints[0]), np.where(best[..., 0], margins[1], margins[0])
+    return np.where((margin >= 0)[..., None], chosen, np.nan)
+
+
+def find_joint_margin(arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray | float,
+                      pitch: float | np.ndarray = DOWN_RAD) -> np.ndarray:
+    """Smallest distance in radians of a joint to its limits with the tip at world points; NaN out of reach.
+
+    Of two solutions the better; negative where a joint would be beyond its limit.
+    """
+    return np.asarray(solve(arm, x, y, z, pitch)[1].max(axis=0))
