@@ -27,11 +27,15 @@ from ..typed_settings import Settings
 from . import dialogs, first_picture, live_preview, refine
 from .build import build_and_report
 from .evaluate import rendered_pairs
-from .sidebar_text import in_window
+from .sidebar_text import in_window, line_length, remember
 
 #: Prefix of the names of the user's own presets.
 OWN = "own/"
 _PICTURE = ".png"
+_CHANGED = ", changed"
+_BESIDE = 9  # characters that the icons and buttons beside a preset's title take
+#: Topics that are the user's, whatever scene is loaded.
+_KEPT = ("dataset", "quality")
 #: Columns and rows of a preset's picture at most.
 PICTURE_PX = 256
 _shipped: list[tuple[str, str, str]] = []
@@ -104,6 +108,40 @@ def title_of(name: str) -> str:
     """The title of a preset in the sidebar."""
     found = next((title for known, title, _ in preset_items() if known == name), name.split("/")[-1])
     return found or "Choose a Preset"
+
+
+def shown_title(scene: bpy.types.Scene) -> str:
+    """The title of the scene's preset on its button, and that the scene was changed since; cut to what fits there."""
+    title = title_of(scene.icymoon.preset)
+    if not is_changed(scene):
+        return title
+    room = line_length() - _BESIDE - len(_CHANGED)
+    return f"{title if len(title) <= room else f'{title[:room - 1].rstrip()}…'}{_CHANGED}"
+
+
+def is_changed(scene: bpy.types.Scene) -> bool:
+    """Whether the scene is described otherwise than by its preset, which loading the preset would undo.
+
+    Data set and quality are no part of it: a preset keeps those of the user.
+    """
+    name = scene.icymoon.preset
+    if not name or not _exists(name):
+        return False
+    path = path_of(name)
+    return _differs(scene_properties.read_for_display(scene.icymoon), path, path.stat().st_mtime_ns)
+
+
+def _exists(name: str) -> bool:
+    return name in own_presets() if name.startswith(OWN) else any(name == known for known, *_ in preset_items())
+
+
+@remember
+def _differs(settings: Settings, path: Path, modified_ns: int) -> bool:
+    try:
+        loaded = description.merged(description.defaults(), preset_files.load(path))
+    except IcyMoonError:
+        return False  # the user's file has become unreadable, which loading it reports
+    return any(settings[topic] != loaded[topic] for topic in loaded if topic not in _KEPT)
 
 
 def known_sources(settings: Settings, preset: str) -> dict[str, str]:

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import bpy.utils.previews
 
-from ..operators.presets import OWN, picture_of, preset_items
+from ..operators.presets import OWN, is_changed, picture_of, preset_items
 from ..settings.preset_files import is_whole, preview_path
 
 #: Property of the window manager, which is not saved: the scene preset whose picture the sidebar shows.
@@ -58,7 +58,8 @@ def _get(_self: Any) -> int:
 
 def _set(_self: Any, number: int) -> None:
     name = _load_choices()[number][0]
-    if number and name != bpy.context.scene.icymoon.preset:
+    scene = bpy.context.scene
+    if number and (name != scene.icymoon.preset or is_changed(scene)):
         bpy.ops.icymoon.load_preset("EXEC_DEFAULT", True, preset=name, build=True)
 
 

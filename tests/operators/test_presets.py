@@ -9,10 +9,12 @@ from icymoon import scene_properties
 from icymoon.errors import IcyMoonError
 from icymoon.nodes.scene import find_collection
 from icymoon.operators import live_preview, presets
-from icymoon.panels import previews
+from icymoon.operators.sidebar_text import LINE
+from icymoon.panels import previews, sidebar
 from icymoon.settings import description, preset_files, toml_text
 from icymoon.settings.description import merged
 from icymoon.typed_settings import Settings
+from panel_drawing import drawn, texts
 
 NEWER = "9.0.0"
 
@@ -224,3 +226,48 @@ def test_a_quality_that_a_person_chose_outlives_the_scenes(scene):
     assert scene.icymoon.quality.samples == 8, "as the gallery says"
     bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice")
     assert scene.icymoon.quality.samples == description.defaults().quality.samples
+
+
+def test_a_scene_that_differs_from_its_preset_is_shown_as_changed(scene):
+    bpy.ops.icymoon.load_preset(preset="scenes/europa_chaos")
+    assert presets.shown_title(scene) == "Europa chaos"
+    # A preset keeps data set and quality, so these are no change of it.
+    scene.icymoon.dataset.seed, scene.icymoon.quality.samples = 7, 11
+    bpy.ops.icymoon.load_preset(preset="qualities/draft")
+    assert presets.shown_title(scene) == "Europa chaos"
+    scene.icymoon.light.sun_elevation_deg += 1.0
+    assert presets.shown_title(scene) == "Europa chaos, changed"
+    assert "Europa chaos, changed" in texts(drawn(sidebar.ICYMOON_PT_main))
+    # The same picture brings the scene of the preset back.
+    shown = choice()
+    setattr(bpy.context.window_manager, previews.CHOICE, shown)
+    assert presets.shown_title(scene) == "Europa chaos"
+
+
+@pytest.mark.parametrize("name", ["scenes/europa_ridged_plain_hapke", "gallery/rugged_4_very_high"])
+@pytest.mark.parametrize("width", [LINE, 24])
+def test_that_a_scene_was_changed_is_not_cut(scene, monkeypatch, name, width):
+    monkeypatch.setattr(presets, "line_length", lambda: width)
+    bpy.ops.icymoon.load_preset(preset=name)
+    scene.icymoon.surface.albedo_variation = 0.123
+    shown = presets.shown_title(scene)
+    assert shown.endswith(", changed")
+    assert len(shown) <= width - 9  # the icons and buttons beside it
+
+
+def test_every_preset_of_a_scene_is_unchanged_once_it_is_loaded(scene):
+    for name, *_ in presets.preset_items():
+        if preset_files.is_whole(name):
+            bpy.ops.icymoon.load_preset(preset=name)
+            assert not presets.is_changed(scene), name
+
+
+def test_a_preset_that_is_gone_or_broken_is_no_change(scene, own):
+    bpy.ops.icymoon.add_preset(title="Mine")
+    assert not presets.is_changed(scene)
+    scene.icymoon.terrain.hurst = 0.5
+    assert presets.is_changed(scene)
+    (own / "mine.toml").write_text("[terrain]\nno_such = 1\n")
+    assert not presets.is_changed(scene)
+    (own / "mine.toml").unlink()
+    assert not presets.is_changed(scene)
