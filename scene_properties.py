@@ -92,7 +92,7 @@ def _make_variations() -> Any:
             (COMBINATIONS[2], "Sobol Draws", "A number of pairs that fill the space of all settings evenly"))),
         "draws": bpy.props.IntProperty(name="Draws", default=16, min=1, soft_max=256, max=100000, update=update,
                                        description="Number of Sobol draws; 2, 4, 8, 16, … fill the space evenly"),
-        "seeds": bpy.props.IntProperty(name="Seeds (Pairs of Each)", default=1, min=1, soft_max=20, max=100000,
+        "seeds": bpy.props.IntProperty(name="Variations by Seed", default=1, min=1, soft_max=20, max=100000,
                                        update=update, description="Number of grounds of the same kind: that of the "
                                                                   "present seed, then others")})
     return bpy.props.PointerProperty(type=group, name="Variations",

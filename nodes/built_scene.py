@@ -10,7 +10,7 @@ import bpy
 
 from ..errors import IcyMoonError
 from ..settings.description import merged
-from ..settings.table import TOPICS
+from ..settings.table import LANDFORMS, TOPICS
 from ..typed_settings import Parts, Settings, typed
 from . import engine
 from .datablocks.blend_file_paths import are_there, content, used_files
@@ -41,6 +41,9 @@ STATISTICS = "icymoon_statistics"  # of the ground: asked by the settings, and m
 PREVIEW = "icymoon_preview"  # settings that are shown as a preview, not as Build Scene would show them
 REFINED = "icymoon_refined"  # geometry of the settings that will follow a coarse ground at full resolution
 NOTES = "icymoon_notes"  # why some settings are not shown
+#: Settings that shape the ground.
+_SHAPING = [(topic.key, setting.key) for topic in TOPICS.values() for setting in topic.settings
+            if setting.effect == "geometry" and topic.key != "rocks"]
 
 
 @dataclass
@@ -200,14 +203,28 @@ def refuse_excluded(scene: bpy.types.Scene, collection: bpy.types.Collection) ->
 
 
 def ground_statistics(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Three lines: a heading, the statistics that were asked of ground built from ``terrain`` settings, and those that
-    it has, landforms, layers and snow included; empty for other ground. Short, since the sidebar is narrow."""
+    """Three lines: a heading, the statistics that the settings of roughness ask of ground built from them, and those
+    that it has, landforms, layers and snow included; empty for other ground. Short, since the sidebar is narrow."""
     built = find(scene)
-    found = built.statistics if built and not built.preview else {}
-    if "made" not in found:
+    found = built.statistics if built else {}
+    if built is None or "made" not in found:
         return ()
-    return (f"RMS slope at {found['baseline_m']:g} m, RMS height",
-            *(f"{title}: {_statistics_text(found[key])}" for key, title in (("asked", "Asked"), ("made", "Made"))))
+    return (f"RMS slope over {found['baseline_m']:g} m, RMS height",
+            f"By roughness: {_statistics_text(found['asked'])}",
+            f"{'With landforms' if _adds_to_roughness(built.settings) else 'Built'}: {_statistics_text(found['made'])}")
+
+
+def shows_earlier_ground(scene: bpy.types.Scene, settings: Settings) -> bool:
+    """Whether the statistics of the ground are not of these settings: it was built from others, or is a preview."""
+    built = find(scene)
+    return built is not None and (bool(built.preview) or any(
+        built.settings.get(topic, {}).get(key) != settings[topic][key] for topic, key in _SHAPING))
+
+
+def _adds_to_roughness(settings: Settings) -> bool:
+    """Whether the ground has landforms, snow or layers of noise."""
+    return bool(settings.terrain.layers) or any(settings[topic.key][topic.settings[0].key] > 0
+                                                for topic in TOPICS.values() if topic.parent == LANDFORMS)
 
 
 def _statistics_text(numbers: dict[str, float | None]) -> str:

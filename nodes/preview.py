@@ -150,6 +150,8 @@ def _show_ground(built: scenes.Built, settings: Settings, side: int) -> Surface:
     Raises IcyMoonError, without changing the scene, if the ground is from a file, being edited or edited by hand.
     """
     if is_from_file(settings):
+        if settings.source.kind != "STAND_IN" and not settings.source.file:
+            raise IcyMoonError("source.file is empty; choose a path. The ground stays as it was built.")
         raise IcyMoonError("Ground from a file has no live preview; press Build Scene to build it with its rocks.")
     if built.terrain.mode != "OBJECT":
         raise IcyMoonError("The ground is being edited; leave Edit or Sculpt Mode to see changes of its settings.")

@@ -52,6 +52,7 @@ from .built_scene import (
     find,
     find_collection,
     ground_statistics,
+    shows_earlier_ground,
 )
 from .datablocks.blend_file_paths import content, with_absolute_files
 from .datablocks.fingerprint import NAME, TAG, built_objects, instanced_objects, parts
@@ -97,6 +98,7 @@ __all__ = [
     "measured_patch",
     "remove",
     "separate_copies",
+    "shows_earlier_ground",
     "site_ground_m",
     "update_sunlight",
     "why_shared",

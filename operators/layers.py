@@ -91,7 +91,7 @@ class ICYMOON_OT_show_roughness(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         if not scenes.ground_statistics(context.scene):
-            cls.poll_message_set("Nothing has been built from the Terrain settings in this scene")
+            cls.poll_message_set("Nothing has been built from the settings of Ground in this scene; press Build Scene")
             return False
         return True
 

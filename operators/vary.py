@@ -305,7 +305,7 @@ def _plan_text(scene: bpy.types.Scene, settings: Settings) -> str:
         raise IcyMoonError(why)
     variations = scene_properties.read_variations(scene.icymoon)
     if not variations.varied and variations.seeds == 1:
-        raise IcyMoonError("Nothing varies yet; press Add Setting, or raise Seeds.")
+        raise IcyMoonError("Nothing varies yet; press + under Vary This Scene, or raise Variations by Seed.")
     return plan_text(with_absolute_files(settings), variations)
 
 

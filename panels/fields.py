@@ -10,7 +10,7 @@ from ..operators.sidebar_text import in_lines, plain
 from ..settings.table import TOPICS, Setting
 from .relevance import has_effect, is_shown
 
-#: Choices whose cost and limits the panel shows, not only the tooltip.
+#: Choices that the panel explains, by the first sentence of their tooltip.
 _EXPLAINED = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}
 
 
@@ -28,7 +28,7 @@ def draw_settings(layout: Any, root: Any, topic: str, keys: Iterable[str]) -> No
             _draw_field(row, group, setting)
         if (topic, key) in _EXPLAINED:
             meaning = next(choice[2] for choice in setting.choices if choice[0] == getattr(group, key))
-            draw_sentence(layout, meaning)
+            draw_sentence(layout, meaning.partition(". ")[0])
 
 
 def draw_start(layout: Any, operator: str, text: str, icon: str = "NONE", **properties: Any) -> None:
@@ -64,8 +64,17 @@ def _draw_field(layout: Any, group: Any, setting: Setting) -> None:
         split = layout.split(factor=0.45 if setting.choices else 0.38)
         split.label(text=setting.label)
         split.prop(group, setting.key, text="")
+    elif setting.zero and getattr(group, setting.key) == 0:
+        layout.prop(group, setting.key, text=at_zero(setting))
     else:
         layout.prop(group, setting.key)
+
+
+def at_zero(setting: Setting) -> str:
+    """The label of a number that is 0, with what that stands for: 'Threads (0: all)', 'Pixel Pitch (µm, 0: by …)'."""
+    if setting.label.endswith(")"):
+        return f"{setting.label[:-1]}, 0: {setting.zero})"
+    return f"{setting.label} (0: {setting.zero})"
 
 
 def _draw_list(layout: Any, group: Any, setting: Setting) -> None:

@@ -111,7 +111,8 @@ SECTIONS = (
     _advanced("quality", "noise_threshold", "diffuse_bounces", "walk_px", "fine_relief", "truth", "device", "threads"),
 )
 #: Settings that the panel of another topic draws: the tick in a header, the plan, the matchers.
-ELSEWHERE = {"rocks": ("own_surface",), "dataset": ("plan", "workers", "evaluate", "leave_running", "methods")}
+ELSEWHERE = {"rocks": ("own_surface",), "dataset": ("plan", "workers", "evaluate", "leave_running", "methods"),
+             "hapke": ("w",)}
 #: Settings at the top of a topic's panel if they are not the first in the table: the one that turns the others on,
 #: and those that most scenes change.
 FIRST = {"terrain": ("rms_slope_deg", "size_m"), "light": ("directions_from", "sun_elevation_deg", "sun_azimuth_deg")}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import bpy
@@ -27,16 +26,19 @@ from ..operators import (
 from ..preferences import own_matcher_names, plugin_matcher_names
 from ..settings.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
-from ..stereo.matchers.methods import describe_method, names_method
-from ..stereo.report.comparisons import FEWEST_SCENES
-from ..stereo.report.table_columns import NO_RESULT, RANKING, format_rank, is_best
+from ..stereo.matchers.methods import names_method
 from . import previews
+from .error_table import draw_errors
 from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 from .pair_views import draw_pair
 from .view_line import view_line
 
 #: ``bl_order`` of the topics' panels begins at the first of these and ends before the second.
 FIRST, LAST = 10, 1000
+
+
+#: Characters that the icons of a panel's header take beside its title, and those of a panel within another.
+_BESIDE, _WITHIN = 9, 11
 
 
 class Sidebar:
@@ -46,9 +48,12 @@ class Sidebar:
     bl_region_type = "UI"
     bl_category = "Icy Moon"
     layout: Any
+    bl_label: str
     page = manual.WINDOW_PAGE
 
     def draw_header_preset(self, context: bpy.types.Context) -> None:
+        if len(self.bl_label) > sidebar_text.line_length() - (_WITHIN if hasattr(self, "bl_parent_id") else _BESIDE):
+            return  # the button would hide the end of the title
         self.layout.operator("icymoon.open_manual", text="", icon="HELP", emboss=False).page = self.page
 
 
@@ -74,9 +79,12 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         group = context.scene.icymoon
-        layout.template_icon_view(context.window_manager, previews.CHOICE, show_labels=True, scale=8.0, scale_popup=7.0)
+        picture = layout.column()
+        picture.active = not presets.is_changed(context.scene)
+        picture.template_icon_view(context.window_manager, previews.CHOICE, show_labels=True, scale=8.0,
+                                   scale_popup=7.0)
         row = layout.row(align=True)
-        row.menu("ICYMOON_MT_presets", text=presets.title_of(group.preset), icon="PRESET")
+        row.menu("ICYMOON_MT_presets", text=presets.shown_title(context.scene), icon="PRESET")
         row.operator("icymoon.add_preset", text="", icon="ADD")
         row.operator("icymoon.remove_preset", text="", icon="REMOVE")
         column = layout.column(align=True)
@@ -94,53 +102,6 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
                              view_exposure.is_without_planetshine(scene))
             draw_sentence(layout, told, "SHADING_RENDERED")
         draw_job(layout)
-
-
-#: The part of a line that the name of a matcher takes in the table of results.
-_NAMES = 0.36
-
-
-def _draw_results(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
-    """For each matcher, fewest wrong pixels first, these pixels and its coverage with the buttons of its images, then
-    its errors and its rank. A star marks the best where the scenes allow it."""
-    with_image, with_surface = results.methods_with_error_images(scene), results.methods_with_points(scene)
-    with_disparity = results.methods_with_disparities(scene)
-    titles = layout.split(factor=_NAMES, align=True)
-    titles.label(text="Matcher")
-    numbers = titles.row(align=True)
-    for title in ("Wrong", "Covered", ""):
-        numbers.label(text=title)
-    for row in rows:
-        method, box = row["method"], layout.box().column(align=True)
-        line = box.split(factor=_NAMES, align=True)
-        line.label(text=describe_method(method))
-        first = line.row(align=True)
-        for text in (results.percent(row["total_bad_1"]), results.percent(row["coverage"])) if row["n"] else (
-                NO_RESULT,):
-            first.label(text=text)
-        image, painted, surface = (first.row(align=True) for _ in range(3))
-        image.enabled, painted.enabled, surface.enabled = (method in found for found in (
-            with_image, with_disparity, with_surface))
-        image.operator("icymoon.show_error", text="", icon="IMAGE_DATA").method = method
-        painted.operator("icymoon.paint_errors", text="", icon="VPAINT_HLT").method = method
-        surface.operator("icymoon.show_surface", text="", icon="MESH_GRID").method = method
-        if not row["n"]:
-            continue
-        if row["ranks"]:
-            box.label(text=f"Rank {format_rank(row, RANKING)}",
-                      icon="SOLO_ON" if is_best(row, RANKING, rows) else "NONE")
-        rest = box.column(align=True)
-        rest.active = False
-        rest.label(text=f"L1 {results.metres(row['l1_m'])}, over 10 cm {results.percent(row['l1_rate_10'])}")
-        rest.label(text=f"DOD {results.percent(row['dod'])}, si-RMSE {results.number(row['si_rmse'], 4)}")
-    draw_sentence(layout, "Wrong: off by over 1 px, or missing. L1, DOD and si-RMSE: of covered pixels.")
-    if any(row["ranks"] for row in rows):
-        draw_sentence(layout, "Rank: by wrong pixels, a range where the scenes leave it open. Star: no matcher is "
-                              "better beyond doubt, and at least one is worse.")
-    elif sum(bool(row["n"]) for row in rows) > 1:
-        draw_sentence(layout, f"No ranks: these need {FEWEST_SCENES} scenes.")
-    for sentence in results.rare_failures(scene):
-        draw_lines(layout, (sentence,), "ERROR")
 
 
 class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
@@ -166,7 +127,7 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
             draw_lines(layout, (brief,), "ERROR")
         table = layout.column()
         table.active = not warnings
-        _draw_results(table, context.scene, rows)
+        draw_errors(table, context.scene, rows)
         buttons = layout.row(align=True)
         buttons.operator("icymoon.open_report", icon="URL")
         buttons.operator("icymoon.hide_surface", text="Remove Errors", icon="X")
@@ -281,7 +242,6 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
         column = layout.column()
         column.scale_y = 1.4
         draw_start(column, "icymoon.render_dataset", "Render Data Set", "RENDER_ANIMATION")
-        draw_job(layout)
         layout.operator("icymoon.show_last_pair", icon="IMAGE_DATA")
         for line in dataset.readout["set_aside"][-3:]:
             draw_sentence(layout, f"Set aside: {line}")

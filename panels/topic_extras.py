@@ -9,6 +9,7 @@ from typing import Any
 import bpy
 
 from .. import scene_properties
+from ..nodes import preview
 from ..nodes import scene as scenes
 from ..operators import live_exposure, sidebar_text
 from ..operators.sidebar_text import remember
@@ -17,7 +18,8 @@ from ..physics.surfaces import albedos, principled
 from ..settings.preset_files import load, preset_header, preset_names, preset_path
 from ..settings.table import TOPICS
 from ..typed_settings import HapkeSettings, SurfaceSettings
-from .fields import draw_lines, draw_sentence
+from .fields import draw_lines, draw_sentence, draw_settings
+from .sections import ELSEWHERE
 
 _albedo_advice, _albedos = remember(principled.albedo_advice), remember(albedos.albedos)
 Extra = Callable[[Any, bpy.types.Context], None]
@@ -36,19 +38,24 @@ def _draw_seed(layout: Any, context: bpy.types.Context) -> None:
 
 
 def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
+    """What was measured on the ground. That of an earlier one stays, grey: fields must not move while the user drags a
+    number."""
+    settings = scene_properties.read_for_display(context.scene.icymoon)
     lines = scenes.ground_statistics(context.scene)
-    if lines:
-        column = layout.column(align=True)
-        for line in lines[:2]:
-            column.label(text=line)
-        column.operator("icymoon.show_roughness", text=lines[2], icon="DRIVER_DISTANCE")
+    if not lines or preview.awaits_ground(context.scene, settings):
+        return
+    column = layout.column(align=True)
+    earlier = scenes.shows_earlier_ground(context.scene, settings)
+    column.active = not earlier
+    draw_lines(column, ("Of the ground built before:" if earlier else "Of the ground as it is built:", *lines[:2]))
+    column.operator("icymoon.show_roughness", text=lines[2])
 
 
 def _draw_moons(layout: Any, context: bpy.types.Context) -> None:
     """A button for each moon whose sky is shipped; that of the scene is pressed."""
     body = context.scene.icymoon.light.body
     split = layout.split(factor=0.25)
-    split.label(text="Moon")
+    split.label(text="Sky of")
     row = split.row(align=True)
     for name, title, there in _moons():
         row.operator("icymoon.load_preset", text=title, depress=there == body).preset = name
@@ -70,6 +77,9 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
     """A button for each quality with its seconds and its error; the one that the scene has is pressed."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
     column = layout.column(align=True)
+    titles = column.split(factor=0.45, align=True)
+    for title in ("", "A pair, stereo error"):
+        titles.label(text=title)
     *shipped, own = sidebar_text.list_quality_presets(settings)
     for quality in shipped:
         row = column.split(factor=0.45, align=True)
@@ -100,7 +110,9 @@ def _make_surface_extra(topic: str) -> Extra:
         advice = _albedo_advice(surface)
         if advice and group.model == "PRINCIPLED":
             draw_sentence(layout, advice, "INFO")
-        if group.model != "HAPKE":  # the panel with the parameters of that law shows its albedos
+        if group.model == "HAPKE":  # its albedos are in the panel with the other parameters of that law
+            draw_settings(layout, context.scene.icymoon, "hapke", ELSEWHERE["hapke"])
+        else:
             values = scene_properties.read_for_display(context.scene.icymoon)
             _draw_albedos(layout, values[topic], values.hapke)
     return draw

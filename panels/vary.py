@@ -12,7 +12,7 @@ from ..render.plans.vary_scene import label_of, names_that_vary
 from ..settings.table import TOPICS
 from .fields import draw_sentence, draw_settings, draw_start
 from .relevance import has_effect, is_shown
-from .sidebar import Sidebar, draw_job
+from .sidebar import Sidebar
 
 _VARY = frozenset(names_that_vary())
 #: Curves that have a button; the report shows all.
@@ -51,8 +51,8 @@ class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
         if group.active < len(group.varied):
             _draw_varied(layout, root, group.varied[group.active])
         elif not group.varied:
-            draw_sentence(layout, "Right-click a setting and choose Vary, or press +. For pairs of other random "
-                                  "ground, raise Seeds.", "INFO")
+            draw_sentence(layout, "Right-click a setting and choose Vary, or press +. For 100 grounds of this kind, "
+                                  "set Variations by Seed to 100.", "INFO")
         if len(group.varied) > 1 or group.combine != "GRID":
             layout.prop(group, "combine", text="")
         if group.combine == "SOBOL":
@@ -81,7 +81,6 @@ def _draw_render(layout: Any, context: bpy.types.Context) -> None:
     large.scale_y = 1.4
     draw_start(large, "icymoon.render_variations", "Render These Variations", "RENDER_ANIMATION", folder="")
     column.operator("icymoon.save_plan", text="Save Plan…", icon="FILE_TICK")
-    draw_job(layout)
     for line in dataset.readout["set_aside"][-3:]:
         draw_sentence(layout, f"Set aside: {line}")
 

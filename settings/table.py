@@ -44,6 +44,7 @@ class Setting:
     precision: int = 3
     entries: tuple[Setting, ...] = ()  # for a list of tables: the settings of each table
     trust: str = ""  # for a text: one of ``trust_boundary.CLASSES``
+    zero: str = ""  # for a number: what 0 stands for, where that is not simply none of it
 
     def __post_init__(self) -> None:
         if (self.kind == "text") != (self.trust in trust_boundary.CLASSES):
@@ -82,8 +83,9 @@ class Topic:
 
 
 def _metres(key: str, label: str, default: float, low: float, high: float, soft: tuple[float, float],
-            description: str, effect: str) -> Setting:
-    return Setting(key, label, default, description, effect, "m", low, high, soft, subtype="DISTANCE", precision=4)
+            description: str, effect: str, zero: str = "") -> Setting:
+    return Setting(key, label, default, description, effect, "m", low, high, soft, subtype="DISTANCE", precision=4,
+                   zero=zero)
 
 
 def _degrees(key: str, label: str, default: float, low: float, high: float, description: str, effect: str,
@@ -366,7 +368,8 @@ SOURCE = Topic("source", "Ground from a File", "Source of the ground: generated,
     _metres("origin_y_m", "Origin North", 0.0, -1.0e7, 1.0e7, (-100.0, 100.0),
             "Distance of the origin of the site north of the ground's centre, or of the file's origin", "geometry"),
     _metres("metres_per_pixel", "Metres per Pixel", 0.0, 0.0, 1.0e5, (0.0, 100.0),
-            "Size of a pixel of the height map; 0 for the size that a GeoTIFF contains", "geometry"),
+            "Size of a pixel of the height map; 0 for the size that a GeoTIFF contains", "geometry",
+            zero="file's"),
     Setting("height_scale_m", "Metres per Value", 1.0,
             "Metres per unit of the values of the height map; for PNG, metres per grey level. It multiplies the unit "
             "and scale that a GeoTIFF contains", "geometry", "m",
@@ -379,19 +382,19 @@ SOURCE = Topic("source", "Ground from a File", "Source of the ground: generated,
 
 SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
     Setting("model", "Model", "PRINCIPLED", "Reflectance law of the surface", "material",
-            choices=(("PRINCIPLED", "Snow (Principled)", "Subsurface scattering and gloss, like snow and ice on Earth; "
-                      "no opposition surge. Costs 1.4 times Lambert, or 7 times if all light is subsurface"),
+            choices=(("PRINCIPLED", "Snow (Principled)", "Like snow and ice on Earth, with gloss and light below the "
+                      "surface. No opposition surge; costs 1.4 times Lambert, or 7 times if all light is subsurface"),
                      ("LAMBERT", "Lambert", "Equally bright from every direction; the cheapest law. No opposition "
                       "surge and no phase function: up to 18 % error in the mean of a sunlit scene of ice"),
-                     ("LOMMEL_SEELIGER", "Lommel-Seeliger", "Single scattering, as in dark dust; costs little more "
-                      "than Lambert. Ice reflects mostly multiply scattered light, which this law omits"),
-                     ("LUNAR_LAMBERT", "Lunar-Lambert", "A mixture of Lommel-Seeliger and Lambert, as used for mosaics "
-                      "of moons; costs little more than Lambert. No phase function and no opposition surge"),
-                     ("HAPKE", "Hapke", "Particulate ice with phase function, opposition surge and roughness, but no "
-                      "gloss; see the Hapke panel. Costs 1.2 times Lambert with OSL, 1.8 times without"),
-                     ("SNOW", "Snow (Measured)", "Snow on Earth as it was measured, brighter against the light, "
-                      "within about 5 % for a Sun at least 20 degrees high, seen at most 60 degrees from the normal. "
-                      "No gloss, no opposition surge; costs little more than Lambert"))),
+                     ("LOMMEL_SEELIGER", "Lommel-Seeliger", "Single scattering, as in dark dust. Ice reflects mostly "
+                      "multiply scattered light, which this law omits; costs little more than Lambert"),
+                     ("LUNAR_LAMBERT", "Lunar-Lambert", "Lommel-Seeliger and Lambert mixed, as used for mosaics of "
+                      "moons. No phase function and no opposition surge; costs little more than Lambert"),
+                     ("HAPKE", "Hapke", "Ice of grains, as moons are modelled; no gloss. Phase function, opposition "
+                      "surge and roughness are in the Hapke panel; costs 1.2 times Lambert, 1.8 times without OSL"),
+                     ("SNOW", "Snow (Measured)", "Snow on Earth as measured, brighter against the light; no "
+                      "gloss. Within about 5 % for a Sun at least 20 degrees high, seen at most 60 degrees from "
+                      "the normal; no opposition surge; costs little more than Lambert"))),
     _fraction("albedo", "Albedo (Brightness)", 0.9,
               "Share of the light that clean, flat ice reflects under uniform light from all directions",
               "material"),
@@ -548,8 +551,9 @@ ROCK_SURFACE = Topic("rock_surface", "Rock Ice", "Snow or ice of rocks that have
                      SURFACE.settings)
 
 HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface that uses it", (
-    _fraction("w", "Single-Scattering Albedo", 0.964,
-              "Share of the light on a grain that the grain scatters (w). Clean ice is above 0.95", "material"),
+    _fraction("w", "Albedo w (Brightness)", 0.964,
+              "Single-scattering albedo: share of the light on a grain that the grain scatters (w). Clean ice "
+              "is above 0.95", "material"),
     Setting("b", "Lobe Width b", 0.429, "Asymmetry of both lobes of the phase function. 0 scatters evenly, near 1 the "
             "lobes are narrow; negative values reverse them", "material", "1", -0.99, 0.99, (0.0, 0.9)),
     Setting("c", "Lobe Share c", 0.113, "Balance of the lobes as in Hapke (2012): 1 is all backward, -1 all forward. "
@@ -576,13 +580,13 @@ HAPKE = Topic("hapke", "Hapke", "Parameters of Hapke's law, for every surface th
                      ("2002", "2002", "Up to 1 % error. Eradiate and Hapke's later book use it"))),
     Setting("accuracy", "Accuracy", "FAST", "Accuracy of light that other ground reflects. Direct sunlight is always "
             "exact", "material",
-            choices=(("FAST", "Fast", "Reflected light is weighted like sunlight: 2 to 4 % too dark in the mean, up to "
-                      "10 % in shadows"),
-                     ("ACCURATE", "Accurate", "Reflected light has the right albedo within 1 % in the mean, 8 % in "
-                      "shadows, and the Sun's disc blurs the surges exactly. Needs OSL and the CPU"),
-                     ("REFERENCE", "Reference", "Hapke's law for three interreflections, within 0.1 % in the mean and "
-                      "1 % in shadows, but approximate where dirt or images vary the ice. Needs OSL and the CPU; your "
-                      "own objects receive no sunlight from ice"))),
+            choices=(("FAST", "Fast", "Reflected light is 2 to 4 % too dark in the mean. It is weighted like sunlight, "
+                      "and up to 10 % too dark in shadows"),
+                     ("ACCURATE", "Accurate", "Reflected light is within 1 % in the mean, 8 % in shadows. The Sun's "
+                      "disc blurs the surges exactly; needs OSL and the CPU"),
+                     ("REFERENCE", "Reference", "Reflected light is within 0.1 % in the mean, 1 % in shadows. Hapke's "
+                      "law for three interreflections, approximate where dirt or images vary the ice; needs OSL and "
+                      "the CPU; your own objects receive no sunlight from ice"))),
     Setting("backend", "Shader", "AUTO", "How the law is implemented in Cycles. Snow (measured) is of "
             "nodes unless this is OSL", "material",
             choices=(("AUTO", "Automatic", "OSL if it is available, otherwise nodes. Warns if this lowers the "
@@ -653,9 +657,9 @@ LIGHT = Topic("light", "Light", "The Sun and the planet, which are the only ligh
                 ("ANGLES", "Angles", "By the angles below"),
                 ("DATE", "Date", "By body, date and site: orbital elements, within 0.25° from 2000 to 2060"),
                 ("KERNELS", "SPICE Kernels", "By body, date and site, exactly. Needs SPICE kernels and SpiceyPy"))),
-    Setting("body", "Moon", "ENCELADUS", "Moon of the site: ENCELADUS or EUROPA. SPICE kernels allow others",
+    Setting("body", "Moon's Name", "ENCELADUS", "Moon of the site: ENCELADUS or EUROPA. SPICE kernels allow others",
             "light", trust="name"),
-    Setting("parent", "Parent", "SATURN", "Planet that the moon orbits, by its name in the kernels", "light",
+    Setting("parent", "Planet's Name", "SATURN", "Planet that the moon orbits, by its name in the kernels", "light",
             trust="name"),
     Setting("date_utc", "Date (UTC)", "2038-06-01T12:00:00", "Date and time of the scene, such as 2038-06-01T12:00:00",
             "light", trust="name"),
@@ -690,7 +694,7 @@ LIGHT = Topic("light", "Light", "The Sun and the planet, which are the only ligh
              "Direction of the Sun from north (+Y) over east (+X)", "light"),
     _metres("sun_distance_m", "Sun Distance", 0.0, 0.0, 1.0e4, (0.0, 10.0),
             "Distance of a lamp in place of the Sun from the origin of the site, as in a laboratory: a sphere with the "
-            "Sun's diameter and irradiance as seen from there. 0 for the real Sun", "light"),
+            "Sun's diameter and irradiance as seen from there. 0 for the real Sun", "light", zero="real Sun"),
     Setting("planet", "Planet", False,
             "Show the planet that the moon orbits in the sky, lit by the Sun, and light the ground by it",
             "light"),
@@ -824,7 +828,7 @@ RIG = Topic("rig", "Stereo Camera", "Two identical cameras, parallel unless toed
              "vertical; 0 for parallel eyes", "camera", (0.0, 10.0), 3),
     _metres("focus_distance_m", "Focus Distance", 0.0, 0.0, 1.0e5, (0.0, 10.0),
             "Depth that is in focus; 0 if everything is in focus. The f-number sets the blur, and the truth is always "
-            "sharp", "camera"),
+            "sharp", "camera", zero="all sharp"),
     *(Setting(key, label, 0.0, f"{text} during the exposure. It blurs the images; the truth is of the middle "
               "of the exposure", "camera", unit, -1.0e4, 1.0e4, (-soft, soft)) for key, label, unit, soft, text in (
         ("speed_right_m_s", "Speed Right (m/s)", "m/s", 1.0, "Motion of both eyes to the right"),
@@ -836,7 +840,7 @@ RIG = Topic("rig", "Stereo Camera", "Two identical cameras, parallel unless toed
          "axis"))),
     Setting("motion_exposure_s", "Motion Exposure (s)", 0.0, "Exposure time for motion blur. 0 uses the exposure time "
             "of the camera response, which then must not be automatic", "camera", "s", 0.0, 1.0e5, (0.0, 1.0),
-            precision=6),
+            precision=6, zero="camera's"),
     _metres("x_m", "Site East", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "East coordinate of the left camera", "camera"),
     _metres("y_m", "Site North", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "North coordinate of the left camera",
             "camera"),
@@ -866,7 +870,7 @@ SENSOR = Topic("sensor", "Exposure and Noise",
             0.5, 256.0, (1.0, 32.0)),
     Setting("pixel_pitch_um", "Pixel Pitch (µm)", 0.0, "Side of a pixel, which sets how much light and how many "
             "particles it receives; 0 for sensor width / columns", "response", "µm", 0.0, 1000.0, (0.0, 30.0),
-            precision=2),
+            precision=2, zero="by sensor"),
     _fraction("transmission", "Transmission", 0.9, "Share of the light that lens and filter transmit", "response"),
     Setting("band_centre_nm", "Band Centre (nm)", 600.0, "Centre of the band that a monochrome sensor detects",
             "response", "nm", 100.0, 20000.0, (300.0, 1100.0), precision=0),
@@ -879,9 +883,9 @@ SENSOR = Topic("sensor", "Exposure and Noise",
             choices=(("EQUAL", "Equal", "The mean of R, G and B"),
                      ("BAND", "By the Band", "By how much of the camera's band and of the Sun's photons is theirs: "
                       "brown ground is brighter to a red camera"))),
-    Setting("colour", "Colour", "MONO", "Whether the sensor sees colour. Both need the same render", "response",
+    Setting("colour", "Camera", "MONO", "Whether the camera sees colour. Both need the same render", "response",
             choices=(("MONO", "Monochrome", "Each pixel detects the whole band"),
-                     ("BAYER", "Bayer Mosaic", "Each pixel is behind a red, green or blue filter, and the other two "
+                     ("BAYER", "Colour (Bayer)", "Each pixel is behind a red, green or blue filter, and the other two "
                       "colours come from its neighbours. Matchers get a grey image of all three"))),
     Setting("bayer_pattern", "Bayer Pattern", "RGGB", "Colours of the first two pixels of the first two rows",
             "response", choices=tuple((name, name, f"First row {name[:2]}, second row {name[2:]}")
@@ -964,14 +968,14 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
     Setting("noise_threshold", "Noise Threshold", 0.0,
             "Relative noise at which a pixel gets no more samples, after 16 threshold^-0.3 of them at least; 0 gives "
             "all pixels the same number. It saves time but makes the noise uneven", "sampling", "1",
-            0.0, 1.0, (0.0, 0.1)),
+            0.0, 1.0, (0.0, 0.1), zero="off"),
     Setting("diffuse_bounces", "Bounces", 4,
             "Maximum number of diffuse bounces. With 4, even ice of albedo 1 has more than 99 % of its light",
             "sampling", "bounces", 0, 128, (0, 16)),
     Setting("walk_px", "Subsurface Cutoff (px)", 0.1,
             "Mean free path of subsurface light, in pixels of the nearest level ground, below which light leaves "
             "where it enters. This changes its amount by at most 3 %; 0 for no cutoff",
-            "material", "px", 0.0, 100.0, (0.0, 1.0)),
+            "material", "px", 0.0, 100.0, (0.0, 1.0), zero="off"),
     Setting("fine_relief", "Light on Relief", "ALL", "Light that bump and normal images shade. Only Lambert "
             "and Principled ice without subsurface scattering use this setting", "material",
             choices=(("ALL", "All Light", "Also light that other ground reflects"),
@@ -985,7 +989,8 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
             choices=(("CPU", "CPU", "All processor cores"),
                      ("GPU", "GPU", "The graphics cards that Cycles can use. Render Stereo Pair refuses it if there "
                       "are none"))),
-    Setting("threads", "Threads", 0, "Number of processor threads; 0 for all", "run", "threads", 0, 1024, (0, 64)),
+    Setting("threads", "Threads", 0, "Number of processor threads; 0 for all", "run", "threads", 0, 1024, (0, 64),
+            zero="all"),
 ))
 
 DATASET = Topic("dataset", "Data Set", "Folder and plan of a data set", (
@@ -1002,7 +1007,7 @@ DATASET = Topic("dataset", "Data Set", "Folder and plan of a data set", (
             "Plan of a data set: a TOML file, or the name of a shipped plan. A plan does not use the present scene",
             "run", trust="read"),
     Setting("workers", "Workers", 0, "Number of processes that render a data set at the same time; 0 for the number in "
-            "the preferences, or one for each four processors", "run", "processes", 0, 1024, (0, 16)),
+            "the preferences, or one for each four processors", "run", "processes", 0, 1024, (0, 16), zero="automatic"),
     Setting("evaluate", "Evaluate Afterwards", False,
             "Evaluate the whole data set after all pairs are rendered", "run"),
     Setting("leave_running", "Leave Running", False, "Continue to render the data set after Blender is closed or "

@@ -81,7 +81,7 @@ def why_fixed(topic: str, key: str) -> str:
     """Why a setting cannot vary, as the end of a sentence; empty if it can."""
     setting = TOPICS[topic][key]
     if (topic, key) == ("dataset", "seed"):
-        return "varies by the number of seeds; raise Seeds"
+        return "varies by the number of seeds; raise Variations by Seed"
     if (topic, key) == ("dataset", "headings"):
         return "is a number of pairs by itself; set it in the panel Data Set"
     if setting.effect in NOT_SWEPT:

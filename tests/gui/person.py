@@ -176,8 +176,9 @@ def _look(recognised: Callable[[], bool], columns: tuple[float, ...],
     return None
 
 
-#: Where buttons are looked for across the sidebar: the left and the right of a row of two, and bare icons at its end.
-COLUMNS = (0.35, 0.66, 0.74, 0.82, 0.9)
+#: Where buttons are looked for across the sidebar: left and right in a row of two, bare icons at its end, and the first
+#: of three.
+COLUMNS = (0.35, 0.66, 0.74, 0.82, 0.9, 0.15)
 _found = 0.0  # how far down the last button was
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 import bpy
 import pytest
-from icymoon.operators import jobs
+from icymoon.operators import jobs, sidebar_text
+from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import fields
 from icymoon.panels.sidebar import ICYMOON_PT_evaluation, ICYMOON_PT_main, ICYMOON_PT_plan
+from icymoon.settings.table import TOPICS, all_settings
 from panel_drawing import Layout, drawn
 from stand_ins import stand_in
 
@@ -51,3 +55,88 @@ def test_a_button_gets_its_properties():
     assert record == [("operator", "icymoon.evaluate", "Evaluate")]
     with pytest.raises(KeyError):
         fields.draw_start(Layout([]), "icymoon.evaluate", "Evaluate", missing=1)
+
+
+#: Zero that is simply none of the thing.
+NONE_OF_IT = re.compile(r"\b0 (for|if|gives) (no\b|none|parallel|a single|an even|even|edges|unbroken|worn|the albedo)")
+
+
+def test_what_0_stands_for_is_in_the_label_where_it_is_not_none_of_it():
+    """The number 0 of threads, for example, is all of them."""
+    told = {f"{topic}.{s.key}" for topic, s in all_settings() if s.zero}
+    special = {f"{topic}.{s.key}" for topic, s in all_settings()
+               if s.kind in ("int", "float") and s.subtype != "FACTOR" and not NONE_OF_IT.search(s.description)
+               and re.search(r"\b0 (for|if|gives|uses) ", s.description)}
+    assert special <= told | ALWAYS_ON
+    for _, setting in all_settings():
+        if setting.zero:
+            assert len(fields.at_zero(setting)) <= LINE - 5  # and the number itself, as '0 m'
+
+
+#: What 0 of these does follows from what they are: no limit.
+ALWAYS_ON = {"light.planet_least"}
+
+
+@pytest.mark.usefixtures("scene")
+def test_the_label_of_a_number_changes_at_0(scene):
+    def shown() -> list[str]:
+        return [entry[2].get("text", "") for entry in drawn(bpy.types.ICYMOON_PT_quality_advanced)
+                if entry[:2] == ("prop", "icymoon.quality.threads")]
+
+    assert shown() == ["Threads (0: all)"]
+    scene.icymoon.quality.threads = 3
+    assert shown() == [""]
+
+
+def test_a_choice_is_explained_in_two_lines_and_wholly_in_its_tooltip():
+    for topic, key in fields._EXPLAINED:
+        for _, name, meaning in TOPICS[topic][key].choices:
+            assert len(sidebar_text._wrapped(meaning.partition(". ")[0], LINE, "")) <= 2, name
+
+
+@pytest.mark.parametrize("model", [choice[0] for choice in TOPICS["surface"]["model"].choices])
+@pytest.mark.parametrize("positions", ["ANGLES", "DATE", "KERNELS"])
+def test_no_two_rows_of_a_panel_have_the_same_words(scene, model, positions):
+    scene.icymoon.surface.model, scene.icymoon.light.directions_from = model, positions
+    for name in dir(bpy.types):
+        if name.startswith("ICYMOON_PT_") and name != "ICYMOON_PT_results":
+            rows = [entry[2]["text"] for entry in drawn(getattr(bpy.types, name)) if entry[0] == "label"]
+            words = [text for text in rows if text and len(text) < LINE / 2]
+            assert len(set(words)) == len(words), name
+
+
+@pytest.mark.parametrize(("model", "there"), [("HAPKE", "icymoon.hapke.w"), ("LAMBERT", "icymoon.surface.albedo")])
+def test_darker_ice_is_one_field_of_ice_whatever_its_law(scene, model, there):
+    """Not at the end of another panel."""
+    scene.icymoon.surface.model = model
+    fields_of_ice = [entry[1] for entry in drawn(bpy.types.ICYMOON_PT_surface) if entry[0] == "prop"]
+    assert there in fields_of_ice
+    topic, key = there.split(".")[1:]
+    assert "Brightness" in TOPICS[topic][key].label
+
+
+def header_of(panel: type, width: int, monkeypatch) -> list:
+    monkeypatch.setattr(sidebar_text, "line_length", lambda: width)
+    layout = Layout()
+    made = stand_in(layout=layout, **{name: getattr(panel, name) for name in ("bl_label", "page", "bl_parent_id")
+                                      if hasattr(panel, name)})
+    panel.draw_header_preset(made, bpy.context)
+    return layout.record
+
+
+def test_the_help_button_hides_no_title(scene, monkeypatch):
+    """At the usual width each panel has it; a narrow sidebar shows the title first."""
+    panels = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("ICYMOON_PT_")]
+    assert all(header_of(panel, LINE, monkeypatch) for panel in panels)
+    narrow = {panel.bl_label: bool(header_of(panel, 25, monkeypatch)) for panel in panels}
+    # As seen in a sidebar of 200 pixels: 16 letters have room beside the button, within another panel 14.
+    expected = {"Ice": True, "Landforms": True, "Exposure and Noise": False, "Bubbles, Frost and Crust": False}
+    assert {title: narrow[title] for title in expected} == expected
+
+
+@pytest.mark.usefixtures("scene")
+def test_a_running_job_has_one_bar_in_the_sidebar(request):
+    request.getfixturevalue("running")
+    bars = [name for name in dir(bpy.types) if name.startswith("ICYMOON_PT_")
+            for entry in drawn(getattr(bpy.types, name)) if entry[0] == "progress"]
+    assert bars == ["ICYMOON_PT_main"]

@@ -331,7 +331,11 @@ def test_nothing_runs_and_the_status_bar_is_left_alone(scene):
 def test_results_are_shown_with_their_units_and_a_dash_for_none(scene, measured):
     record = drawn(sidebar.ICYMOON_PT_results)
     labels = [entry[2]["text"] for entry in record if entry[0] == "label"]
-    assert {"StereoBM", "SGBM", "75.0 %", "L1 0.123 m, over 10 cm 50.0 %", "DOD 25.0 %, si-RMSE –"} <= set(labels)
+    assert {"StereoBM", "SGBM"} <= set(labels)
+    values = {name: labels[labels.index(name) + 1] for name in (
+        "Wrong", "Covered", "Mean error (L1)", "Over 10 cm off", "DOD", "si-RMSE")}
+    assert values == {"Wrong": "35.0 %", "Covered": "75.0 %", "Mean error (L1)": "0.123 m", "Over 10 cm off": "50.0 %",
+                      "DOD": "25.0 %", "si-RMSE": "–"}
     assert {"icymoon.open_report", "icymoon.show_error", "icymoon.show_surface"} <= operators(record)
 
 
@@ -372,7 +376,7 @@ def test_a_matcher_that_measured_nothing_has_no_result_and_comes_last(scene, tmp
     assert "0.0 %" not in labels
 
 
-def test_each_matcher_has_its_own_two_lines(scene, tmp_path):
+def test_each_metric_of_a_matcher_has_its_own_line(scene, tmp_path):
     """Any number fits, as a column for each would not."""
     names = ["bm", "sgbm", "sgbm_wls", "jplv", "own:mine"]
     evaluated(scene, tmp_path, *({**ROW, "method": name, "l1_m": None} for name in names))
@@ -380,8 +384,36 @@ def test_each_matcher_has_its_own_two_lines(scene, tmp_path):
     labels = [entry[2]["text"] for entry in record if entry[0] == "label"]
     shown = ["StereoBM", "SGBM", "SGBM with WLS", "JPLV", "own:mine"]
     assert [label for label in labels if label in shown] == shown
-    assert labels.count("L1 –, over 10 cm 50.0 %") == len(names)
+    assert [label for label in labels if label == "Mean error (L1)"] == ["Mean error (L1)"] * len(names)
     assert [entry[1] for entry in record if entry[0] == "operator"].count("icymoon.show_error") == len(names)
+
+
+def test_a_metric_and_its_value_fit_a_line_of_the_narrowest_sidebar(scene, tmp_path):
+    labels = [text for text, _ in labels_of_results(scene, tmp_path, {
+        **ROW, "l1_m": 12.3456, "dod": 1.0, "si_rmse": 0.12345, "l1_rate_10": 1.0, "n": 5})]
+    names = ("Wrong", "Covered", "Mean error (L1)", "Over 10 cm off", "DOD", "si-RMSE")
+    # 24 characters fit a sidebar of 200 pixels, as below; the two parts of the line have 0.62 and 0.38 of it.
+    for name in names:
+        assert len(name) <= 0.62 * 25
+        assert len(labels[labels.index(name) + 1]) <= 0.38 * 24
+
+
+#: Icons that Blender itself shows without words beside a list, a field or a number, or in a header.
+WORDLESS = {"ADD", "REMOVE", "TRIA_UP", "TRIA_DOWN", "TRIA_LEFT", "TRIA_RIGHT", "FILEBROWSER", "X"}
+
+
+def test_no_button_has_an_icon_without_words(small, measured, running, monkeypatch):
+    found = set()
+    operator = Layout.operator
+
+    def noted(self, name, **options):
+        if options.get("text") == "":
+            found.add(options.get("icon", "NONE"))
+        return operator(self, name, **options)
+
+    monkeypatch.setattr(Layout, "operator", noted)
+    everything()
+    assert found <= WORDLESS
 
 
 def test_matchers_are_ticked_and_keep_their_options(scene):

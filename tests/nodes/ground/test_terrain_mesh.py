@@ -73,9 +73,9 @@ def test_what_the_panel_says_is_what_is_measured():
     built.terrain.data.vertices.foreach_get("co", positions)
     found = measure(positions[2::3].reshape(257, 257).astype(float), 20 / 256, 1.0, (6 * 20 / 256, 0.3 * 12.0))
     heading, asked, made = scenes.ground_statistics(bpy.context.scene)
-    assert heading == "RMS slope at 1 m, RMS height"
-    assert made == f"Made: {found.slope_deg:.1f}°, {found.height_m:.2g} m"
-    assert asked.startswith("Asked: 9.0°, ")
+    assert heading == "RMS slope over 1 m, RMS height"
+    assert made == f"Built: {found.slope_deg:.1f}°, {found.height_m:.2g} m"
+    assert asked.startswith("By roughness: 9.0°, ")
     assert found.slope_deg == pytest.approx(9.0, abs=0.4)
     assert found.hurst == pytest.approx(0.7, abs=0.05)
     plane = np.stack([*positions.reshape(-1, 3)[:, :2].T, np.ones(257**2)], axis=1)
@@ -83,7 +83,7 @@ def test_what_the_panel_says_is_what_is_measured():
     assert found.height_m == pytest.approx(math.sqrt(squares / 257**2), rel=1e-6)
     panel = next(cls for cls in CLASSES if getattr(cls, "bl_idname", "") == "ICYMOON_PT_terrain")
     assert ("operator", "icymoon.show_roughness", made) in drawn(panel)
-    assert all(line in texts(drawn(panel)) for line in (heading, asked))
+    assert all(line in texts(drawn(panel)) for line in ("Of the ground as it is built:", heading, asked))
     assert bpy.ops.icymoon.show_roughness() == {"FINISHED"}
 
 
@@ -126,8 +126,31 @@ def test_no_roughness_is_shown_of_a_mesh_that_is_not_the_grid():
     assert roughness_table(scenes.measured_patch(built), built.settings.terrain) == []
     flat = _built({"terrain": {"rms_slope_deg": 0.0}})
     assert scenes.ground_statistics(bpy.context.scene) == (
-        "RMS slope at 1 m, RMS height", "Asked: 0.0°, 0 m", "Made: 0.0°, 0 m")
+        "RMS slope over 1 m, RMS height", "By roughness: 0.0°, 0 m", "Built: 0.0°, 0 m")
     assert roughness_table(scenes.measured_patch(flat), flat.settings.terrain)[1][2:4] == ("", "")
+
+
+def test_what_was_measured_on_an_earlier_ground_is_shown_as_such():
+    empty = empty_scene()
+    scene_properties.write_settings(empty.icymoon, description.check(
+        {**LAW, "mesh": {"kind": "GRID"}, "ridges": {"height_m": 0.3}}, "test"))
+    roughness = empty.icymoon.terrain.rms_slope_deg
+    bpy.ops.icymoon.build_scene()
+    before = scenes.ground_statistics(empty)
+    assert before[2].startswith("With landforms: "), "what roughness asks for is not what ridges add"
+
+    def shown() -> str:
+        return texts(drawn(bpy.types.ICYMOON_PT_terrain))
+
+    assert "Of the ground as it is built:" in shown()
+    empty.icymoon.terrain.rms_slope_deg = 3.0
+    assert "Of the ground built before:" in shown()
+    assert all(line in shown() for line in before), "fields below would move"
+    empty.icymoon.terrain.rms_slope_deg = roughness
+    empty.icymoon.light.sun_elevation_deg += 5.0  # of no effect on the ground
+    assert "Of the ground as it is built:" in shown()
+    bpy.ops.icymoon.clear_scene()
+    assert "Of the ground" not in shown()
 
 
 def test_layers_are_added_moved_and_removed(scene):

@@ -216,7 +216,7 @@ def test_headings_are_described_too():
     (VariedSetting("light.sun_elevation", 5, 9), "sun_elevation_deg"),
     (VariedSetting("x" * 10000), "…"), (VariedSetting("sensor.bits", 8, 12), "needs no other render"),
     (VariedSetting("dataset.workers", 1, 2), "changes no pair"),
-    (VariedSetting("dataset.seed", 1, 2), "raise Seeds"),
+    (VariedSetting("dataset.seed", 1, 2), "raise Variations by Seed"),
     (VariedSetting("light.body"), "is no number, choice or tick"),
     (VariedSetting("terrain.layers"), "is no number, choice or tick"),
     (VariedSetting("light.sun_elevation_deg", 5, 9, 1), "has 1 values"),

@@ -1,0 +1,78 @@
+"""The table of Stereo Error: for each matcher its rank, its metrics and the buttons that show its errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import bpy
+
+from ..operators import results
+from ..stereo.matchers.methods import describe_method
+from ..stereo.report.comparisons import FEWEST_SCENES
+from ..stereo.report.table_columns import NO_RESULT, RANKING, format_rank, is_best
+from .fields import draw_lines, draw_sentence
+
+#: The part of a line that the name of a metric takes.
+_NAMES = 0.62
+
+
+def draw_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Draw the matchers, fewest wrong pixels first. A star marks the best where the scenes allow it."""
+    for row in rows:
+        box = layout.box().column(align=True)
+        _draw_name(box, row, rows)
+        if row["n"]:
+            for name, value in _main_metrics(row):
+                _draw_metric(box, name, value)
+            rest = box.column(align=True)
+            rest.active = False
+            for name, value in _other_metrics(row):
+                _draw_metric(rest, name, value)
+        _draw_buttons(box, scene, row["method"])
+    draw_sentence(layout, "Wrong: off by over 1 px, or missing. The grey metrics are of covered pixels.")
+    if any(row["ranks"] for row in rows):
+        draw_sentence(layout, "Rank: by wrong pixels, a range where the scenes leave it open. Star: no matcher is "
+                              "better beyond doubt, and at least one is worse.")
+    elif sum(bool(row["n"]) for row in rows) > 1:
+        draw_sentence(layout, f"No ranks: these need {FEWEST_SCENES} scenes.")
+    for sentence in results.rare_failures(scene):
+        draw_lines(layout, (sentence,), "ERROR")
+
+
+def _draw_name(box: Any, row: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> None:
+    line = box.row()
+    line.label(text=describe_method(row["method"]))
+    if not row["n"]:
+        line.label(text=NO_RESULT)
+    elif row["ranks"]:
+        line.label(text=f"Rank {format_rank(row, RANKING)}", icon="SOLO_ON" if is_best(row, RANKING, rows) else "NONE")
+
+
+def _main_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    return ("Wrong", results.percent(row["total_bad_1"])), ("Covered", results.percent(row["coverage"]))
+
+
+def _other_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
+    return (("Mean error (L1)", results.metres(row["l1_m"])), ("Over 10 cm off", results.percent(row["l1_rate_10"])),
+            ("DOD", results.percent(row["dod"])), ("si-RMSE", results.number(row["si_rmse"], 4)))
+
+
+def _draw_metric(column: Any, name: str, value: str) -> None:
+    """Draw a name, and its value at the right of the line: below each other, values of one unit are aligned."""
+    line = column.split(factor=_NAMES)
+    line.label(text=name)
+    right = line.row()
+    right.alignment = "RIGHT"
+    right.label(text=value)
+
+
+def _draw_buttons(box: Any, scene: bpy.types.Scene, method: str) -> None:
+    """Draw a button for each way to see the errors of a matcher, grey where the evaluation kept nothing for it."""
+    buttons = box.row(align=True)
+    for operator, text, kept in (("show_error", "Image", results.methods_with_error_images(scene)),
+                                 ("paint_errors", "Ground", results.methods_with_disparities(scene)),
+                                 ("show_surface", "Surface", results.methods_with_points(scene))):
+        part = buttons.row(align=True)
+        part.enabled = method in kept
+        part.operator(f"icymoon.{operator}", text=text).method = method
