@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import bpy
 import pytest
@@ -115,7 +116,7 @@ def test_darker_ice_is_one_field_of_ice_whatever_its_law(scene, model, there):
     assert "Brightness" in TOPICS[topic][key].label
 
 
-def header_of(panel: type, width: int, monkeypatch) -> list:
+def header_of(panel: Any, width: int, monkeypatch) -> list:
     monkeypatch.setattr(sidebar_text, "line_length", lambda: width)
     layout = Layout()
     made = stand_in(layout=layout, **{name: getattr(panel, name) for name in ("bl_label", "page", "bl_parent_id")
