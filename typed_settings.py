@@ -275,6 +275,8 @@ class SurfaceSettings(Table):
     bubble_share: float
     bubble_radius_m: float  # m
     bubble_band_m: float  # m
+    fracture_share: float
+    fracture_spacing_m: float  # m
     frost_share: float
     frost_patch_m: float  # m
     patch_raggedness: float

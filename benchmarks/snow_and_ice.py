@@ -28,6 +28,7 @@ LAYERS: dict[str, Parts] = {
     "none": {}, "glints": {"surface": {"glint_share": 0.03}}, "crust": {"surface": {"crust_share": 0.45}},
     "frost": {"surface": {"frost_share": 0.5}}, "bubbles": {"surface": {"bubble_share": 0.02}},
     "bubbles in bands": {"surface": {"bubble_share": 0.02, "bubble_band_m": 0.5}},
+    "fractures in bubbly ice": {"surface": {"bubble_share": 0.004, "fracture_share": 0.3}},
     "frost with glints on bubbles in bands": {"surface": {
         "bubble_share": 0.02, "bubble_band_m": 0.5, "frost_share": 0.5, "glint_share": 0.03}},
     "rocks with transmission, lost": _CLEAR,

@@ -15,15 +15,17 @@ from ..typed_settings import TexturesSettings
 
 _PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", "roughness", "specular",
                     "refractive_index", "transmitted", "glint_share", "glint_size_m", "bubble_share",
-                    "bubble_radius_m", "bubble_band_m", "frost_share", "frost_patch_m", "frost_albedo", "crust_share",
-                    "crust_patch_m", "crust_height_m", "crust_roughness"}
+                    "bubble_radius_m", "bubble_band_m", "fracture_share", "fracture_spacing_m", "frost_share",
+                    "frost_patch_m", "frost_albedo", "crust_share", "crust_patch_m", "crust_height_m",
+                    "crust_roughness"}
 #: Surface settings, and the setting that must be above 0 for them to have an effect.
 _SURFACE_NEEDS = {"albedo_patch_m": "albedo_variation", "subsurface_radius_m": "subsurface_weight",
                   "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m",
                   "grain_patchiness": "grain_amplitude_m", "glint_size_m": "glint_share",
                   "transmitted": "transmission", "bubble_radius_m": "bubble_share", "bubble_band_m": "bubble_share",
-                  "frost_patch_m": "frost_share", "frost_albedo": "frost_share", "crust_patch_m": "crust_share",
-                  "crust_height_m": "crust_share", "crust_roughness": "crust_share",
+                  "fracture_spacing_m": "fracture_share", "frost_patch_m": "frost_share",
+                  "frost_albedo": "frost_share", "crust_patch_m": "crust_share", "crust_height_m": "crust_share",
+                  "crust_roughness": "crust_share",
                   **{f"salt_{key}": "salt_share" for key in ("patch_m", "red", "green", "blue")}, "salt": "salt_share"}
 _MONOCHROME_ONLY = {"band_centre_nm", "band_width_nm", "band_weights", "quantum_efficiency"}
 _MOSAIC_ONLY = {"bayer_pattern", "demosaicing", "white_balance", "grey", "filter_leak", "cut_on_nm", "cut_off_nm",

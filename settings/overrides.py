@@ -212,6 +212,8 @@ class SurfaceOverrides(TypedDict, total=False):
     bubble_share: float
     bubble_radius_m: float  # m
     bubble_band_m: float  # m
+    fracture_share: float
+    fracture_spacing_m: float  # m
     frost_share: float
     frost_patch_m: float  # m
     patch_raggedness: float
@@ -332,6 +334,8 @@ class RockSurfaceOverrides(TypedDict, total=False):
     bubble_share: float
     bubble_radius_m: float  # m
     bubble_band_m: float  # m
+    fracture_share: float
+    fracture_spacing_m: float  # m
     frost_share: float
     frost_patch_m: float  # m
     patch_raggedness: float

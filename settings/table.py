@@ -474,6 +474,11 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
     _metres("bubble_band_m", "Bubble Bands", 0.0, 0.0, 1.0e3, (0.0, 2.0),
             "Mean distance between bands of clearer and whiter ice, with a quarter to four times the bubbles; each "
             "rock has its own. 0 for even ice", "material"),
+    _fraction("fracture_share", "Fractures Within", 0.0,
+              "Share of the fracture planes inside the ice that is open, as white veils where one looks along them. "
+              "They are seen as deep as bubbles, transmission or the subsurface radius let light in", "material"),
+    _metres("fracture_spacing_m", "Fracture Spacing", 0.15, 1.0e-3, 1.0e3, (0.02, 1.0),
+            "Mean distance between the planes of each of three sets of fractures; each rock has its own", "material"),
     _fraction("frost_share", "Frost", 0.0,
               "Share of the ice that is under thin frost where it is level. Faces steeper than 65 degrees have none",
               "material"),

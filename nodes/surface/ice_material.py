@@ -15,12 +15,14 @@ from ...physics.random_numbers.seeds import generator
 from ...physics.rig.focal_length import focal_px
 from ...physics.scene_requirements import only_camera_meets_relief
 from ...physics.surfaces import principled
+from ...physics.surfaces.fractures import has_fractures
 from ...physics.surfaces.hapke import from_settings
 from ...settings.table import TOPICS
 from ...typed_settings import HapkeSettings, Settings, SurfaceSettings
 from ..tree.builder import Tree
 from ..tree.formula import Number
 from . import ice_layers, reflectance_laws
+from .fractures import VEIL_ALBEDO, add_fracture_share
 from .glints import add_glints
 from .ground_colour import add_ground_colour
 from .ice_layers import WHITE
@@ -173,6 +175,11 @@ def _add_layers(ice: _Ice, crusted: Any, of_rocks: bool) -> tuple[Any, Any]:
     if through:
         clear, volume = ice_layers.add_clear_ice(tree, surface, ice.relief.get("Normal"))
         shader = ice_layers.add_over(tree, "Clear Share", ice.surface.transmission, shader, clear)
+    if has_fractures(ice.surface):
+        veil = surface | {"roughness": 1.0, "specular": 0.0, "transmission": 0.0, "subsurface_weight": 0.0}
+        veiled = add_fracture_share(tree, ice.surface, ice.geometry, ice.offsets["fractures"], of_rocks)
+        shader = ice_layers.add_over(tree, "Fractures Within", veiled, shader,
+                                     replace(ice, wanted=VEIL_ALBEDO, varied={}).add("Veil", veil))
     if crusted is not None:
         crust = surface | {"roughness": surface.crust_roughness, "specular": _CRUST_SPECULAR,
                            "grain_amplitude_m": surface.grain_amplitude_m * ice_layers.CRUST_GRAIN}
@@ -244,8 +251,8 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
     material = bpy.data.materials.new(name)
     material.pass_index = semantic
     tree = Tree(compat.ensure_nodes(material))
-    offsets = map(float, generator(seed, "surface").uniform(0.0, 1000.0, 10))
-    patches_at, grain_x, salt_at, east, north, grain_y, grain_z, bands_at, frost_at, crust_at = offsets
+    offsets = map(float, generator(seed, "surface").uniform(0.0, 1000.0, 11))
+    patches_at, grain_x, salt_at, east, north, grain_y, grain_z, bands_at, frost_at, crust_at, cracks_at = offsets
     glints_at = math.floor(salt_at) * 64.0  # whole, and further apart than there are octaves
     grain_at = [w % GRAIN_FARTHEST for w in (grain_x, grain_y, grain_z)]
     geometry = tree.node("ShaderNodeNewGeometry", "Geometry")
@@ -307,7 +314,7 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
         wanted = _add_reflectance(tree, surface if bubbly is None else surface | {"albedo": 1.0}, grey, colour)
         ice = _Ice(tree, surface, wanted, varied, relief, smooth, geometry,
                    1.0 / focal_px(settings.rig) if settings is not None else 0.0,
-                   {"frost": frost_at, "glints": glints_at})
+                   {"frost": frost_at, "glints": glints_at, "fractures": cracks_at})
         shader, volume = _add_layers(ice, crusted, semantic == ROCK)
         shaders = {"ALL": shader}
     else:

@@ -45,7 +45,7 @@ _ALWAYS = 1000
 
 #: Settings of a surface that the export lacks where they are not 0, the second of Principled ice alone.
 _VARIATIONS = ("albedo_variation", "salt_share", "trough_dirt", "slope_dirt")
-_LAYERS = ("glint_share", "crust_share", "frost_share")
+_LAYERS = ("glint_share", "crust_share", "frost_share", "fracture_share")
 
 Plugin = dict[str, Any]
 

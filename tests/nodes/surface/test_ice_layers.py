@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from icymoon.benchmarks import furnace
 from icymoon.labels import ROCK, TERRAIN
+from icymoon.nodes.surface.fractures import VEIL_ALBEDO
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.light.bands import bubbly_ice_bands, clear_ice_absorption_1_m
 from icymoon.settings.description import check, defaults
@@ -35,8 +36,9 @@ def names(semantic: int = TERRAIN, **changes: Any) -> set[str]:
 
 
 def test_what_is_off_adds_no_nodes():
-    off: dict[str, Any] = {"crust_share": 0.0, "frost_share": 0.0, "bubble_share": 0.0}
+    off: dict[str, Any] = {"crust_share": 0.0, "frost_share": 0.0, "bubble_share": 0.0, "fracture_share": 0.0}
     assert names(**off) == {"Geometry", "Snow", "Surface", "Geometric Normal"}
+    assert names(fracture_share=0.5) == names(fracture_share=0.0), "nobody sees into opaque ice"
     assert names(model="LAMBERT", crust_share=0.5, frost_share=0.5, bubble_share=0.01) == names(model="LAMBERT")
 
 
@@ -62,6 +64,17 @@ def test_bubbles_in_bands_stay_between_the_whitest_and_the_bluest():
     assert (banded < whitest).all()
     # As far up as down in the logarithm of the share: the mean moves little.
     assert banded == pytest.approx(even, rel=0.05)
+
+
+def test_fractures_brighten_clear_ice_by_less_than_a_veil_and_the_more_the_more_are_open():
+    blue = {"bubble_share": 0.001, "bubble_radius_m": 1e-3, "fracture_spacing_m": 0.1}
+    none, few, many = (measured(surface(**blue, fracture_share=share), view_m=WIDE_M) for share in (0.0, 0.3, 0.8))
+    assert (none < few).all()
+    assert (few < many).all()
+    assert (many < VEIL_ALBEDO).all()
+    # One sees 1.3 m far, so nearly all of what is open shows; three sets, each 0.3 open, leave 0.7^3 free.
+    veiled = ((few - none) / (VEIL_ALBEDO - none)).mean()
+    assert 0.3 * (1 - 0.7**3) < veiled < 1 - 0.7**3
 
 
 def test_frost_covers_its_share_of_level_ground():

@@ -1,0 +1,123 @@
+"""Fractures inside ice, seen through its surface: white veils on planes that lie deeper the further one looks in.
+
+The view is refracted into the ice and followed to the next plane of each of three sets, so that a veil moves behind the
+surface as the camera does, as real ones do. A plane is open in patches. What is seen there depends on the angle: light
+that meets a gap of air flatly is reflected totally. True depth is that of the surface, as of all ice.
+
+What is a guess: directions of the sets, shapes of the patches, brightness of a veil, and the light that it has, that of
+the surface above it. Joints of glacier ice on Earth come in sets; no image shows fractures of either moon.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...physics.surfaces.fractures import gap_reflectance, sight_m
+from ...typed_settings import SurfaceSettings
+from ..tree.builder import Tree, output
+from ..tree.formula import Number, Vector
+from .patches_and_grain import NOISE_DEVIATION, add_noise, add_share, threshold_for_share
+
+#: Normals of the sets: two steep ones that cross, and one that is nearly level.
+_SETS = ((0.83, 0.52, 0.20), (-0.46, 0.87, -0.17), (0.24, -0.12, 0.963))
+#: Part of the room between planes that they may be in. Wavelengths of patches and of the bending of planes, in
+#: spacings; width of the edges of patches in deviations of the noise; greatest bending in spacings.
+_ASTRAY, _PATCH, _BEND, _EDGE, _BEND_BY = 0.9, 1.8, 2.7, 0.4, 1.5
+#: Albedo of a veil, and the share of it that small steps on its faces show from everywhere.
+VEIL_ALBEDO, _HAZE = 0.95, 0.3
+#: Cosines between which the reflectance of a gap is linear, so that its faces are as uneven as some degrees.
+_COSINES = np.linspace(0.0, 1.0, 17)
+#: Smallest cosine from a plane's normal that is followed.
+_GRAZING = 0.01
+
+
+@dataclass(frozen=True)
+class _View:
+    """Where the view enters the ice, in spacings, its direction there, and a number that selects the patches."""
+
+    place: Vector
+    into: Vector
+    fourth: Number
+
+
+def add_fracture_share(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, of_rocks: bool) -> Any:
+    """Output socket of the share of a place, as it is seen, that is a veil of a fracture in the ice."""
+    view = _add_view(tree, surface, geometry, fourth, of_rocks)
+    clear: Number = Number(tree, 1.0)
+    for which, normal in enumerate(_SETS):
+        clear = clear * (1.0 - _add_veil(tree, surface, view, which, normal))
+    # Inside a clear rock the view leaves the ice where it meets the surface again.
+    outside = 1.0 - Number(tree, geometry.outputs["Backfacing"])
+    return ((1.0 - clear) * outside).named("Veils").value
+
+
+def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, of_rocks: bool) -> _View:
+    inward = _add_scaled(tree, "View", geometry.outputs["Incoming"], -1.0)
+    into = tree.node("ShaderNodeVectorMath", "View in the Ice", {
+        "Vector": inward, "Vector_001": geometry.outputs["Normal"], "Scale": 1.0 / surface.refractive_index},
+        operation="REFRACT").outputs[0]
+    place = _add_scaled(tree, "Place in Spacings", geometry.outputs["Position"], 1.0 / surface.fracture_spacing_m)
+    place = _add_bent(tree, place, fourth)
+    if not of_rocks:
+        return _View(Vector(tree, place), Vector(tree, into), Number(tree, fourth))
+    # Each rock has planes of its own.
+    chance = tree.node("ShaderNodeObjectInfo", "Fractured Rock").outputs["Random"]
+    drawn = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Rock", {"W": chance}, noise_dimensions="1D")
+    angles = _add_scaled(tree, "Turn of a Rock", output(drawn, "Color"), 2.0 * math.pi)
+    turned = [Vector(tree, tree.node("ShaderNodeVectorRotate", label, {
+        "Vector": each, "Center": (0.0, 0.0, 0.0), "Rotation": angles}, rotation_type="EULER_XYZ",
+        invert=False).outputs[0]) for label, each in (("Place in a Rock", place), ("View in a Rock", into))]
+    return _View(turned[0], turned[1], Number(tree, chance) * 512.0 + fourth)
+
+
+def _add_scaled(tree: Tree, label: str, vector: Any, by: float) -> Any:
+    return tree.node("ShaderNodeVectorMath", label, {"Vector": vector, "Scale": by}, operation="SCALE").outputs[0]
+
+
+def _add_bent(tree: Tree, place: Any, fourth: float) -> Any:
+    """Output socket of a place moved so that planes are bent. The view's way to them stays straight: they bend little
+    over a spacing."""
+    field = tree.node("ShaderNodeTexNoise", "Bent Planes", {
+        "Vector": place, "W": fourth, "Scale": 1.0 / _BEND, "Detail": 1.0, "Roughness": 0.5, "Lacunarity": 2.0,
+        "Distortion": 0.0}, noise_dimensions="4D", noise_type="FBM", normalize=True).outputs["Color"]
+    return tree.node("ShaderNodeVectorMath", "Bent Place", {
+        "Vector": field, "Vector_001": (_BEND_BY,) * 3, "Vector_002": place}, operation="MULTIPLY_ADD").outputs[0]
+
+
+def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, normal: tuple[float, ...]) -> Number:
+    """How much of what is seen is a veil on the next plane of a set."""
+    across = Vector(tree, tree.node("ShaderNodeCombineXYZ", f"Set {which + 1}", dict(
+        zip("XYZ", normal, strict=True))).outputs[0])
+    slope = view.into.dot(across)
+    forward = slope.exceeds(0.0) * 2.0 - 1.0
+    cosine = (forward * slope).at_least(_GRAZING)
+    along = view.place.dot(across) + view.fourth
+    cell = Number(tree, tree.math("FLOOR", "Room of a Plane", along.value))
+    behind = (forward * (along - cell - _add_offset(tree, cell, which))).exceeds(0.0)
+    plane = cell + behind * forward
+    distance = (plane + _add_offset(tree, plane, which) - along) * forward / cosine
+    hit = tree.node("ShaderNodeVectorMath", "Met", {
+        "Vector": view.into.socket, "Vector_001": _add_same(tree, distance), "Vector_002": view.place.socket},
+        operation="MULTIPLY_ADD").outputs[0]
+    field = add_noise(tree, f"Patches of Set {which + 1}", hit, _PATCH, (plane * 7.31 + view.fourth).value, 3.0)
+    limit, edge = threshold_for_share(surface.fracture_share), _EDGE * NOISE_DEVIATION
+    is_open = Number(tree, add_share(tree, "Open", field, limit - edge, limit + edge, smooth=True))
+    gap = Number(tree, tree.curve("Reflected by a Gap", cosine.value, _COSINES,
+                                  gap_reflectance(_COSINES, surface.refractive_index)))
+    seen = (distance * (-surface.fracture_spacing_m / sight_m(surface))).exp()
+    return is_open * seen * gap.times_plus(1.0 - _HAZE, _HAZE)
+
+
+def _add_offset(tree: Tree, plane: Number, which: int) -> Number:
+    """Where in its room a plane is, 0 to 1, by chance."""
+    chance = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Plane", {"W": (plane + 1013.0 * which).value},
+                       noise_dimensions="1D").outputs["Value"]
+    return Number(tree, chance).times_plus(_ASTRAY, 0.5 - 0.5 * _ASTRAY)
+
+
+def _add_same(tree: Tree, value: Number) -> Any:
+    return tree.node("ShaderNodeCombineXYZ", "Distance", dict.fromkeys("XYZ", value.value)).outputs[0]
