@@ -113,10 +113,10 @@ def test_a_landform_that_there_is_none_of_has_but_the_setting_that_makes_some(to
 
 
 PRINCIPLED = {"subsurface_weight", "transmission", "roughness", "specular", "refractive_index", "glint_share",
-              "bubble_share", "frost_share", "crust_share"}
-IDLE = {"transmitted", "bubble_radius_m", "bubble_band_m", "frost_patch_m", "patch_raggedness", "frost_albedo",
-        "crust_patch_m",
-        "crust_height_m", "crust_roughness", "albedo_patch_m", "subsurface_radius_m", "salt_patch_m", "salt_red",
+              "bubble_share", "fracture_share", "frost_share", "crust_share"}
+IDLE = {"transmitted", "bubble_radius_m", "bubble_band_m", "fracture_spacing_m", "frost_patch_m", "patch_raggedness",
+        "frost_albedo", "crust_patch_m", "crust_height_m",
+        "crust_roughness", "albedo_patch_m", "subsurface_radius_m", "salt_patch_m", "salt_red",
         "salt_green", "salt_blue", "glint_size_m", "snow_grain_m", "dirt", "dirt_patch_m", "salt"}
 #: What a state of the settings leaves of a topic: all keys but those named, or those named alone.
 CASES = [
@@ -137,7 +137,10 @@ CASES = [
     ("surface", {}, "but", {"lommel_seeliger_share", *IDLE}),
     ("surface", {"surface": {"subsurface_weight": 0.1, "salt_share": 0.1, "albedo_variation": 0.1,
                              "glint_share": 0.01, "transmission": 0.1, "frost_share": 0.1, "crust_share": 0.1}}, "but",
-     {"lommel_seeliger_share", "snow_grain_m", "dirt", "dirt_patch_m", "bubble_radius_m", "bubble_band_m"}),
+     {"lommel_seeliger_share", "snow_grain_m", "dirt", "dirt_patch_m", "bubble_radius_m", "bubble_band_m",
+      "fracture_spacing_m"}),
+    ("surface", {"surface": {"fracture_share": 0.1}}, "but",
+     {"lommel_seeliger_share", *IDLE} - {"fracture_spacing_m"}),
     ("surface", {"surface": {"bubble_share": 0.01, "ice_colour": "SNOW"}}, "but",
      {"lommel_seeliger_share", "albedo", "ice_colour"} | IDLE - {"bubble_radius_m", "bubble_band_m"}),
     ("surface", {"surface": {"slope_dirt": 0.1, "dirt": "THOLIN", "ice_colour": "SNOW", "salt": "SULPHUR",
