@@ -561,6 +561,10 @@ class QualitySettings(Table):
     diffuse_bounces: int  # bounces
     walk_px: float  # px
     fine_relief: Literal["ALL", "CAMERA"]
+    indirect: Literal["TRACED", "BAKED", "AUTO"]
+    direct_samples: int  # samples
+    bake_samples: int  # samples
+    bake_noise: float
     truth: Literal["FULL", "DEPTH"]
     device: Literal["CPU", "GPU"]
     threads: int  # threads

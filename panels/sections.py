@@ -108,6 +108,8 @@ SECTIONS = (
     Section("sensor", "radiation", "Radiation", "Tracks of charged particles, as in Jupiter's belts", (
         "radiation_flux_cm2_s", "radiation_depth_um", "radiation_e_per_um")),
     _advanced("sensor", "auto_percentile", "auto_target", "bracket_stops"),
+    Section("quality", "indirect", "Indirect Light", "Light between parts of the ground, baked once for many images", (
+        "indirect", "direct_samples", "bake_samples", "bake_noise")),
     _advanced("quality", "noise_threshold", "diffuse_bounces", "walk_px", "fine_relief", "truth", "device", "threads"),
 )
 #: Settings that the panel of another topic draws: the tick in a header, the plan, the matchers.

@@ -68,6 +68,43 @@ def relief_of_camera_alone(settings: Settings, topic: str) -> bool:
     return shaded and only_camera_meets_relief(surface, settings.quality)
 
 
+def why_not_baked(settings: Settings) -> str:
+    """Why indirect light cannot be baked to the ground, as a clause; empty if it can.
+
+    Baked light is that of a diffuse surface, which looks the same from everywhere, and of vertices, which the instances
+    of a rock share. There is no light group of it.
+    """
+    surface, light = settings.surface, settings.light
+    if surface.model != "LAMBERT":
+        return "the ground is not Lambert's (surface.model)"
+    if settings.rocks.coverage > 0:
+        return "there are rocks, whose instances have no light of their own (rocks.coverage)"
+    if light.planet or light.stars or light.directions_from != "ANGLES":
+        return "the sky may have other lights than the Sun (light.planet, light.stars, light.directions_from)"
+    return ""
+
+
+def can_be_baked(settings: Settings) -> bool:
+    """Whether indirect light may be baked: the settings ask for it and the scene allows it."""
+    return settings.quality.indirect != "TRACED" and not why_not_baked(settings)
+
+
+def is_baked(settings: Settings) -> bool:
+    """Whether the images of a pair have baked light. ``quality.indirect`` of a planned pair is never AUTO."""
+    return settings.quality.indirect == "BAKED" and not why_not_baked(settings)
+
+
+def image_quality(settings: Settings) -> QualitySettings:
+    """The quality of a pair's images: of direct light alone if the rest is baked."""
+    return direct_quality(settings.quality) if is_baked(settings) else settings.quality
+
+
+def direct_quality(quality: QualitySettings) -> QualitySettings:
+    """The quality of images of direct light, to which baked light is added."""
+    return quality | {"samples": quality.direct_samples, "denoiser": "NONE", "noise_threshold": 0.0,
+                      "diffuse_bounces": 0}
+
+
 def planet_gives_light(settings: Settings, sky: Sky) -> bool:
     """Whether the planet is to light the ground, see ``light.planet_least``."""
     return sky.planet_over_sun > 0 and sky.planet_over_sun >= settings.light.planet_least
@@ -98,6 +135,8 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
         sentences.append("light: no light from the planet, because "
                          + (f"it is {share:.2g} of the Sun's, which is below light.planet_least." if share > 0 else
                             "the planet is below the horizon or unlit."))
+    if settings.quality.indirect == "BAKED" and (why := why_not_baked(settings)):
+        sentences.append(f"light: indirect light is traced although quality.indirect is BAKED, because {why}.")
     if settings.quality.truth == "DEPTH":
         sentences.append("truth: no normals and no labels, because quality.truth is DEPTH.")
     return sentences

@@ -54,8 +54,12 @@ def _channels(depth_alone: bool) -> dict[str, Any]:
 
 
 def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], toward_sun: np.ndarray,
-           files: dict[str, Any], seconds: dict[str, float]) -> dict[str, Any]:
-    """The content of ``pair.json``, but for what is known only when it is finished."""
+           files: dict[str, Any], seconds: dict[str, float], denoiser: str,
+           indirect: dict[str, Any] | None) -> dict[str, Any]:
+    """The content of ``pair.json``, but for what is known only when it is finished.
+
+    ``denoiser`` is what the images went through, ``indirect`` what is to be stated of baked light, if anything.
+    """
     settings = planned.settings
     camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
     eyes = camera.eyes_json()
@@ -78,7 +82,8 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
                      "numpy": np.__version__, "icymoon": version()},
         "device": settings.quality.device,
         **({"cards": list_selected_cards()} if settings.quality.device == "GPU" else {}), "osl": compat.has_osl(),
-        "hapke": describe_hapke(built.materials), "denoiser": settings.quality.denoiser,
+        "hapke": describe_hapke(built.materials), "denoiser": denoiser,
+        **({} if indirect is None else {"indirect": indirect}),
         "platform": platform.platform(),
         "seconds": seconds, "peak_memory_mib": peak_memory_mib(),
         "files": files,

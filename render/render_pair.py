@@ -21,7 +21,7 @@ from mathutils import Matrix
 from .. import system
 from ..errors import DiskError, IcyMoonError
 from ..files import explain_disk_errors, part_of, sha256, write_json
-from ..formats.exr_add import add_planet
+from ..formats.exr_add import add_baked, add_planet
 from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import join_files
 from ..formats.exr_pixels import drop_passes
@@ -31,8 +31,9 @@ from ..nodes.rig import eye_poses, lens_values
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.camera.blur import Blur, blur_of
-from ..physics.scene_requirements import clear_rocks
+from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
 from . import cycles_settings, occlusion, passes, separate_lights
+from .baked_light import Indirect
 from .cost.estimate import bytes_of, count_bytes_left
 from .object_labels import lend_labels
 from .pair_record import pair_json
@@ -48,6 +49,7 @@ _ROOM_WHILE_WRITING = 1.3
 
 #: Most triangles that Cycles' data is kept for between two renders: half a gigabyte more than without.
 MOST_KEPT_TRIANGLES = 8_000_000
+_TRACED = Indirect()
 
 
 @contextmanager
@@ -64,7 +66,7 @@ def open_render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
         scene.collection.children.link(built.collection)
         scene.world = sky
         scene.frame_set(frame)
-        passes.prepare_scene(scene, built.several_lights)
+        passes.prepare_scene(scene, built.several_lights, can_be_baked(built.settings))
         with add_render_camera(scene, built.camera), lend_labels(scene):
             yield scene
     finally:
@@ -113,11 +115,12 @@ def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) ->
 
 
 def render_pair(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: Path, seconds_build: float,
-                report: Callable[[float], None], lost: Callable[[], bool], again: bool = False) -> Path:
+                report: Callable[[float], None], lost: Callable[[], bool], again: bool = False,
+                indirect: Indirect = _TRACED) -> Path:
     """Render one pair of the scene that ``open_render_scene`` made and return its folder.
 
-    ``report`` receives the fraction done; for ``lost`` and ``again`` see ``publish``. Raises IcyMoonError when the
-    render or the disk fails; nothing half-written stays.
+    ``indirect`` is what ``baked_light.provide`` returned. ``report`` receives the fraction done; for ``lost`` and
+    ``again`` see ``publish``. Raises IcyMoonError when the render or the disk fails; nothing half-written stays.
     """
     folder = planned.folder(dataset)
     part = part_of(folder)
@@ -125,7 +128,7 @@ def render_pair(built: Built, scene: bpy.types.Scene, planned: PlannedPair, data
     with explain_disk_errors("write", folder):
         part.mkdir(parents=True)
     try:
-        found = _render_into(part, built, scene, planned, report)
+        found = _render_into(part, built, scene, planned, report, indirect)
         found["seconds"]["build"] = round(seconds_build, 3)
         # Of all threads; "before" is what this process had spent: its start, the build, other pairs.
         found["cpu_seconds"] = {"before": round(spent, 3), "pair": round(time.process_time() - spent, 3)}
@@ -179,15 +182,18 @@ def _camera_setups(camera: StereoCamera, blur: Blur | None, depth_alone: bool) -
 
 
 def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: PlannedPair,
-                 report: Callable[[float], None]) -> dict[str, Any]:
+                 report: Callable[[float], None], indirect: Indirect) -> dict[str, Any]:
     settings = planned.settings
     camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
     takes = _camera_setups(camera, blur, _depth_alone(planned))
+    quality = direct_quality(settings.quality) if indirect.light is not None else settings.quality
     files: dict[str, dict[str, Path]] = {}
+    shares: dict[str, float] = {}
     start = time.perf_counter()
     with _turn_camera(built.camera, planned.turn_deg):
-        cycles_settings.apply(scene, settings.quality, planned.render_seed, blur is not None,
-                              clear_rocks(settings))
+        cycles_settings.apply(scene, quality, planned.render_seed, blur is not None, clear_rocks(settings))
+        if indirect.light is not None:
+            scene.cycles.max_bounces = 0
         prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
         lights = separate_lights.light_passes(scene, built)
         # What moves during a render is not kept from one to the next, nor are surfaces that change between them.
@@ -195,7 +201,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                                             and _triangle_count(built) <= MOST_KEPT_TRIANGLES)
         truths = (sum(layer == TRUTH for take in takes for layer, _ in take.images)
                   + (0 if _depth_alone(planned) else len(occlusion.STEPS_PX)))
-        with watch_samples(len(lights) * int(settings.quality.samples), truths, report) as sampling:
+        with watch_samples(len(lights) * int(quality.samples), truths, report) as sampling:
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
                     scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None
@@ -205,6 +211,8 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                                 _render_radiance(scene, built, lights, stem, planned))
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
+                            if layer == BEAUTY and indirect.light is not None:
+                                shares[eye] = _add_baked_light(file, planned)
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         toward_sun = np.array(built.sun.matrix_world.to_3x3().col[2])
     rendered = time.perf_counter() - start
@@ -212,7 +220,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     written = {name: _merge_layers(layers, part / name) for name, layers in sorted(files.items())}
     return pair_json(built, planned, poses, toward_sun, written, {
         "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
-        "write": round(time.perf_counter() - start, 3)})
+        "write": round(time.perf_counter() - start, 3)}, quality.denoiser, indirect.to_json(shares))
 
 
 def _render_radiance(scene: bpy.types.Scene, built: Built, lights: list[separate_lights.LightPass], stem: Path,
@@ -230,6 +238,14 @@ def _render_radiance(scene: bpy.types.Scene, built: Built, lights: list[separate
                     system.remove(file)
             files.setdefault(eye, file)
     return files
+
+
+def _add_baked_light(file: Path, planned: PlannedPair) -> float:
+    """Add baked light to an image of direct light; its share of the light in the image."""
+    with explain_disk_errors("write", file), _report_unreadable(planned):
+        added, share = add_baked(file.read_bytes())
+        file.write_bytes(added)
+    return share
 
 
 def _render_truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair, camera: StereoCamera,

@@ -23,6 +23,7 @@ from ..nodes.scene import Built, extra, find, separate_copies
 from ..settings.description import check, defaults, merged, restored
 from ..system import end_at_interrupt
 from ..typed_settings import Settings
+from . import baked_light
 from .pairs.our_files import checked_id
 from .pairs.pair_folder import is_complete
 from .plans.planned_pair import PlannedPair, expand_headings
@@ -92,7 +93,9 @@ def _render_one(source: FixedScene | ScenesFromSettings, planned: PlannedPair, d
         report(0.0)
         check(planned.settings, f"Pair {planned.id}")  # an earlier version may have accepted more
         built, scene, seconds_build = source.prepare(planned)
-        render_pair(built, scene, planned, dataset, seconds_build, report, partial(claims.is_lost, planned.id), again)
+        indirect = baked_light.provide(built, scene, planned.settings, dataset, claims)
+        render_pair(built, scene, planned, dataset, seconds_build, report, partial(claims.is_lost, planned.id), again,
+                    indirect)
     send("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
          seconds=round(time.perf_counter() - start, 2))
 

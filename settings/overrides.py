@@ -532,6 +532,10 @@ class QualityOverrides(TypedDict, total=False):
     diffuse_bounces: int  # bounces
     walk_px: float  # px
     fine_relief: Literal["ALL", "CAMERA"]
+    indirect: Literal["TRACED", "BAKED", "AUTO"]
+    direct_samples: int  # samples
+    bake_samples: int  # samples
+    bake_noise: float
     truth: Literal["FULL", "DEPTH"]
     device: Literal["CPU", "GPU"]
     threads: int  # threads

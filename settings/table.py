@@ -986,6 +986,23 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
             choices=(("ALL", "All Light", "Also light that other ground reflects"),
                      ("CAMERA", "Camera Rays Only", "Other ground reflects light as if it were smooth, which saves a "
                       "tenth of the time. Under a low Sun, shadows are 2 to 5 % brighter and the mean up to 0.3 %"))),
+    Setting("indirect", "Indirect Light", "TRACED", "How light that other ground reflects is computed. Only Lambert "
+            "ground without rocks can be baked; other scenes are traced, and pair.json contains why", "material",
+            choices=(("TRACED", "Traced", "Followed through every pixel, with quality.samples"),
+                     ("BAKED", "Baked", "Computed once at the vertices of the ground. Images then take direct light "
+                      "only, with few samples and no denoiser"),
+                     ("AUTO", "Automatic", "Baked where the data set has enough images of a ground under one Sun to "
+                      "save time, else traced"))),
+    Setting("direct_samples", "Direct Samples", 4,
+            "Light paths per pixel and eye where indirect light is baked. There is no denoiser then",
+            "sampling", "samples", 1, 65536, (1, 64)),
+    Setting("bake_samples", "Bake Samples", 256,
+            "Maximum number of light paths per corner of the ground's mesh for baked light. Fewer are taken where "
+            "quality.bake_noise is reached before", "sampling", "samples", 4, 65536, (16, 1024)),
+    Setting("bake_noise", "Bake Noise", 0.01,
+            "Noise of baked light over the mean light of the ground, at which it gets no more samples. It is fixed to "
+            "the ground and passes for texture, so keep it under the noise of the sensor. 0 takes all samples",
+            "sampling", "1", 0.0, 1.0, (0.0, 0.05)),
     Setting("truth", "Truth", "FULL", "Truth that is rendered with the images", "sampling",
             choices=(("FULL", "Full", "Depth, normals and labels, in a separate render with one sample per pixel"),
                      ("DEPTH", "Depth Only", "Depth from the render of the images. This saves the separate render "

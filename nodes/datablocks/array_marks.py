@@ -9,6 +9,8 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ...labels import BAKED_ATTRIBUTE
+
 _BLOCK, _HALF = 4096, np.uint64(32)
 #: How attributes of each type are read: type of the array, name of the property, numbers for each element.
 _READ: dict[str, tuple[Any, str, int]] = {
@@ -19,9 +21,9 @@ _READ: dict[str, tuple[Any, str, int]] = {
     "INT32_3D": (np.int32, "value", 3), "QUATERNION": (np.float32, "value", 4), "FLOAT4X4": (np.float32, "value", 16)}
 #: Prefix of the attributes by which errors are shown on the ground. They are removed before a render.
 PAINTED = "icymoon_depth_error"
-#: Attributes that are not marked: errors that are shown, what is selected or hidden in Edit Mode, and the edges of
-#: corners, which follow from the vertices of edges and corners.
-_LEFT_OUT = (PAINTED, ".select", ".hide", ".uv_select", ".pin", ".vs.", ".es.", ".pn.", ".corner_edge")
+#: Attributes that are not marked: errors that are shown, baked light, which follows from all else, what is selected or
+#: hidden in Edit Mode, and the edges of corners, which follow from the vertices of edges and corners.
+_LEFT_OUT = (PAINTED, BAKED_ATTRIBUTE, ".select", ".hide", ".uv_select", ".pin", ".vs.", ".es.", ".pn.", ".corner_edge")
 _INDICES = (".corner_vert", ".edge_verts")
 
 
@@ -85,6 +87,7 @@ def mesh_arrays(mesh: bpy.types.Mesh) -> list[Any]:
     shown_uv = next((layer.name for layer in mesh.uv_layers if layer.active_render), "")
     sizes = [len(mesh.vertices), len(mesh.edges), len(mesh.loops), len(mesh.polygons)]
     colour = mesh.attributes.default_color_name or ""
-    if colour.startswith(PAINTED) or colour not in mesh.attributes:  # 5.2 keeps the name of one that was removed
+    # 5.2 keeps the name of one that was removed.
+    if colour.startswith((PAINTED, BAKED_ATTRIBUTE)) or colour not in mesh.attributes:
         colour = ""
     return [sizes, attributes(mesh), normals, shown_uv, colour]

@@ -18,13 +18,20 @@ from ...errors import IcyMoonError
 from ...formats import mesh_file
 from ...paper_stand_ins.items import mesh_item
 from ...physics.mesh.grading import grade
-from ...physics.scene_requirements import only_camera_meets_relief, rendered_surface, surface_topics
+from ...physics.scene_requirements import (
+    image_quality,
+    is_baked,
+    only_camera_meets_relief,
+    rendered_surface,
+    surface_topics,
+)
 from ...physics.terrain.terrain import make_terrain
 from ...settings import changes
 from ...settings.user_files import used_files
 from ...system import count_processors
 from ...typed_settings import Settings
 from ..pairs.pair_folder import StereoCamera, is_complete, read_pair
+from ..plans.indirect import bake_seconds, light_key
 from ..plans.order import ordered, settings_key
 from ..plans.planned_pair import PlannedPair
 from .speed import Speed
@@ -89,7 +96,7 @@ class Work:
 
 def work_of(settings: Settings) -> Work:
     """What a pair with these complete settings asks of the machine."""
-    quality = settings.quality
+    quality = image_quality(settings)
     topics, coverage = surface_topics(settings), settings.rocks.coverage
     weights = (1.0,) if len(topics) == 1 else (1.0 - coverage, coverage)
     relative = sum(weight * _sample_cost(settings, topic) for weight, topic in zip(weights, topics, strict=True))
@@ -106,7 +113,7 @@ def _pixels(settings: Settings) -> int:
 
 def bytes_of(settings: Settings) -> float:
     """Bytes of the files of a pair with these complete settings, before any pair of the scene is known."""
-    quality, light = settings.quality, settings.light
+    quality, light = image_quality(settings), settings.light
     samples = samples_taken(quality.samples, quality.noise_threshold)
     noisy = min(_LIGHT, _LIGHT_OF_ONE_SAMPLE + _LIGHT_PER_DOUBLING * math.log2(samples))
     seen = _DENOISED if quality.denoiser != "NONE" else noisy
@@ -247,11 +254,15 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
     there = {pair.id for pair in pairs if dataset is not None and is_complete(pair.folder(dataset))}
     costs: dict[str, float] = {}
     before = ""
+    baked: set[str] = set()
     for (scene, *_), pair in zip(keys, pairs, strict=True):
         costs[pair.id] = work_of(pair.settings).seconds(triangles[scene])
         if scene != before:
             costs[pair.id] += scene_seconds(pair.settings, triangles[scene])
         before = scene
+        if is_baked(pair.settings) and (light := light_key(pair.settings)) not in baked:
+            costs[pair.id] += bake_seconds(pair.settings)
+            baked.add(light)
     expected = {pair.id: work_of(pair.settings).seconds(triangles[each[0]])
                 for each, pair in zip(keys, pairs, strict=True)}
     ratios = _read_ratios(pairs, dataset, there, expected)

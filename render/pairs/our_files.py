@@ -24,6 +24,7 @@ _UNFINISHED = r"\.[^/\\]+-\d+-\d+\.part"
 _OUR_NAMES = {
     "": re.compile(rf"(plan\.jsonl|manifest\.json|\.icymoon){_UNFINISHED}"),
     "pairs": re.compile(rf"[0-9a-f]{{12}}({_UNFINISHED})?|\.clock{_UNFINISHED}"),
+    "light": re.compile(rf"[0-9a-f]{{12}}\.npz({_UNFINISHED})?"),
     "claims": re.compile(r"[0-9a-f]{12}\.\d+"),
     "pairs/*": re.compile(rf"pair\.json{_UNFINISHED}"),
 }

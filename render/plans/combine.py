@@ -25,6 +25,7 @@ from ...settings.table import TOPICS, all_settings
 from ...settings.user_files import content, used_files
 from ...typed_settings import Settings
 from . import poses, sweeps
+from .indirect import choose_indirect
 from .own_files import list_files, replace_stand_ins
 from .planned_pair import PlannedPair, turned_heading_deg
 from .sweeps import Sweep, Variation, check_pair_count
@@ -141,8 +142,9 @@ def combine(design: Design, most_grounds: int = MOST_GROUNDS, report: Report = l
     if refusals and all(refusals):
         raise refusals[0] or AssertionError
     count = make_counter()
-    pairs = [PlannedPair(digest(each.settings, _read_content(each) + blur_identity(each.settings), count),
-                         each.settings, 0.0) for each in made]
+    described = choose_indirect([each.settings for each in made])
+    pairs = [PlannedPair(digest(settings, _read_content(each) + blur_identity(settings), count), settings, 0.0)
+             for each, settings in zip(made, described, strict=True)]
     refused = {pair.id: str(error) for pair, error in zip(pairs, refusals, strict=True) if error}
     return Combined(pairs, refused, looked_at, unchecked)
 

@@ -9,6 +9,7 @@ from ...physics.camera.blur import blur_identity
 from ...physics.random_numbers.seeds import stream
 from ...settings.description import digest, merged
 from ...typed_settings import Settings
+from .indirect import choose_indirect
 
 
 @dataclass(frozen=True)
@@ -44,8 +45,8 @@ def expand_headings(settings: Settings, extra: str = "") -> list[PlannedPair]:
     blur that cannot be rendered.
     """
     headings = int(settings.dataset.headings)
-    pairs = []
-    for k in range(headings):
-        turned = merged(settings, {"rig": {"heading_deg": turned_heading_deg(settings, k, headings)}} if k else {})
-        pairs.append(PlannedPair(digest(turned, extra + blur_identity(turned)), turned, 360.0 * k / headings))
-    return pairs
+    described = choose_indirect([
+        merged(settings, {"rig": {"heading_deg": turned_heading_deg(settings, k, headings)}} if k else {})
+        for k in range(headings)])
+    return [PlannedPair(digest(turned, extra + blur_identity(turned)), turned, 360.0 * k / headings)
+            for k, turned in enumerate(described)]

@@ -13,6 +13,7 @@ from ...formats.exr_layout import is_whole
 from ...physics.camera.blur import blur_identity
 from ...records import FILE_NAME, SHA256, Each, find_fault, parse_json
 from ...settings.description import digest
+from ..pairs.baked_file import LIGHT
 from ..pairs.our_files import INPUTS, find_reason_to_keep, is_claim, is_unfinished, remove_ours
 from ..pairs.pair_folder import Pair, is_complete, read_pair
 from ..plans.frozen_plan import PLAN, read_frozen_plan
@@ -21,7 +22,7 @@ from .claims import CLAIMS_FOLDER, Claims
 from .manifest import MANIFEST
 
 #: What a data set's folder may contain beside its pairs.
-_OUR_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm", INPUTS}
+_OUR_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm", INPUTS, LIGHT}
 #: What stands for content that the settings do not describe, see ``settings.digest`` and ``nodes.sunlit``.
 _STAND_INS = ("", "Hapke of nodes")
 #: What a pair must state so that its files can be checked: names of files in its folder, no device, no other folder.

@@ -1,0 +1,197 @@
+"""Indirect light baked to the vertices of the ground, once for all images of a ground under one Sun.
+
+Light that Lambert ground gets from other ground does not depend on where it is seen from. Cycles bakes it to the
+vertices, and images then take direct light only: fewer samples, and no denoiser. While it bakes, ground is smooth
+between its vertices, since a vertex would meet one point of the relief.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import compat
+from ..errors import IcyMoonError
+from ..files import sha256
+from ..labels import BAKED_ATTRIBUTE
+from ..nodes.datablocks.fingerprint import added_objects
+from ..nodes.scene import Built
+from ..physics.light.baked_noise import noise_of, noise_seen, samples_needed
+from ..physics.random_numbers.seeds import stream
+from ..physics.scene_requirements import why_not_baked
+from ..settings import changes
+from ..typed_settings import Settings
+from . import cycles_settings
+from .pairs import baked_file
+from .pairs.baked_file import BakedLight
+from .workers.claims import Claims
+
+#: Raise this number when the same settings are baked in another way.
+_SCHEME = 1
+#: Samples of each half of the first two bakes, whose difference shows how many it takes.
+_FIRST = 8
+#: Samples of the direct light, of which only the mean over the ground is needed.
+_DIRECT = 2
+_WAIT_S = 0.5
+
+
+@dataclass(frozen=True)
+class Indirect:
+    """How the indirect light of a pair is made: baked ``light`` in a ``file`` of the data set, or traced if there is
+    none, and why if the settings ask for baked light."""
+
+    light: BakedLight | None = None
+    file: str = ""
+    sha256: str = ""
+    why_traced: str = ""
+
+    def to_json(self, shares: dict[str, float]) -> dict[str, Any] | None:
+        """What ``pair.json`` states, with the share of baked light in the images by eye; None if nothing was asked."""
+        if self.light is None:
+            return {"method": "TRACED", "why": self.why_traced} if self.why_traced else None
+        share = sum(shares.values()) / max(len(shares), 1)
+        noise = noise_seen(self.light.noise)
+        return {"method": "BAKED", "file": self.file, "sha256": self.sha256, "samples": self.light.samples,
+                "share": round(share, 5), "noise_of_baked": round(noise, 5), "noise": round(noise * share, 5),
+                "cpu_seconds_of_bake": round(self.light.cpu_seconds, 3)}
+
+
+def provide(built: Built, scene: bpy.types.Scene, settings: Settings, dataset: Path, claims: Claims) -> Indirect:
+    """Put the baked light of a pair's settings on the built ground, from the data set's file if it is there.
+
+    One process bakes it while others wait. Raises IcyMoonError if it cannot be baked or written.
+    """
+    if settings.quality.indirect != "BAKED":
+        return Indirect()
+    if why := why_not_baked(settings) or _why_edited(built):
+        return Indirect(why_traced=why)
+    mesh = built.terrain.data
+    key = key_of(built, settings)
+    path = baked_file.path_of(dataset, key)
+    found = baked_file.read(path, key, len(mesh.vertices))
+    while found is None:
+        with claims.hold(key) as mine:
+            # It may have been written meanwhile.
+            found = baked_file.read(path, key, len(mesh.vertices))
+            if mine and found is None:
+                found = bake(built.terrain, scene, settings)
+                baked_file.write(path, key, found)
+        if found is None:
+            claims.report_progress()
+            time.sleep(_WAIT_S)
+    _show(mesh, found.values)
+    return Indirect(found, path.relative_to(dataset).as_posix(), sha256(path))
+
+
+def _why_edited(built: Built) -> str:
+    """Why edits by hand rule out baked light, as a clause; empty if they do not."""
+    if added_objects(built.collection):
+        return "objects were added to the scene, which have no baked light of their own"
+    return "the ground was edited by hand" if built.edited_parts("terrain object", "terrain materials") else ""
+
+
+def key_of(built: Built, settings: Settings) -> str:
+    """What baked light depends on, as 12 hexadecimal digits: ground, surface, lights, bounces, seed and samples.
+
+    The mesh of a graded ground is made for the rig; otherwise neither heading, rig nor sensor count.
+    """
+    quality = settings.quality
+    parts = [_SCHEME, compat.blender_series(), changes.scene(settings), changes.look(settings), changes.light(settings),
+             quality.diffuse_bounces, quality.bake_samples, quality.bake_noise, built.extra]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings) -> BakedLight:
+    """Bake the indirect light of a ground, see ``BakedLight``.
+
+    In two halves of other seeds, whose difference is the noise: first with few samples, then with as many more as the
+    noise allows. Raises IcyMoonError if Cycles cannot bake.
+    """
+    start = time.process_time()
+    quality = settings.quality
+    kept = scene.render.use_persistent_data, scene.render.use_multiview
+    seeds = stream(int(settings.dataset.seed), "bake").generate_state(5) >> 1
+    with _open_bake(terrain, scene, settings) as run:
+        direct = run("DIRECT", _DIRECT, int(seeds[4])).mean(dtype=np.float64)
+        count = min(_FIRST, quality.bake_samples // 2)
+        halves = [run("INDIRECT", count, int(seed)) for seed in seeds[:2]]
+        more = samples_needed(halves, float(direct), count, quality.bake_noise, quality.bake_samples // 2) - count
+        if more > 0:
+            halves = [(count * half + more * run("INDIRECT", more, int(seed))) / (count + more)
+                      for half, seed in zip(halves, seeds[2:4], strict=True)]
+            count += more
+    scene.render.use_persistent_data, scene.render.use_multiview = kept
+    values = np.maximum((halves[0] + halves[1]) / 2, 0.0).astype(np.float32)
+    mean = float(values.mean(dtype=np.float64))
+    total = mean + float(direct)
+    return BakedLight(values, noise_of(halves), mean / total if total > 0 else 0.0, 2 * count,
+                      time.process_time() - start)
+
+
+@contextmanager
+def _open_bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings) -> Iterator[Any]:
+    """A function ``run(kind, samples, seed)`` that bakes light over pi (n, 3) while the ground has no fine relief."""
+    mesh, layer = terrain.data, scene.view_layers[0]
+    with ExitStack() as undo:
+        for material in mesh.materials:
+            _smooth(material.node_tree, undo)
+        name = f"{BAKED_ATTRIBUTE}_target"
+        target = mesh.color_attributes.new(name, "FLOAT_COLOR", "POINT")
+        undo.callback(lambda: mesh.color_attributes.remove(mesh.color_attributes[name]))
+        mesh.color_attributes.active_color = target
+        layer.objects.active = terrain
+        terrain.select_set(True, view_layer=layer)
+
+        def run(kind: str, samples: int, seed: int) -> np.ndarray:
+            quality = settings.quality | {"samples": samples, "denoiser": "NONE", "noise_threshold": 0.0}
+            cycles_settings.apply(scene, quality, seed)
+            scene.render.use_persistent_data = scene.render.use_multiview = False
+            _run_bake(scene, layer, terrain, kind)
+            found = np.empty(4 * len(mesh.vertices), np.float32)
+            mesh.color_attributes[name].data.foreach_get("color", found)
+            return found.reshape(-1, 4)[:, :3].astype(np.float64)
+
+        yield run
+
+
+def _smooth(tree: bpy.types.NodeTree, undo: ExitStack) -> None:
+    """Take the fine relief from the normals of a surface."""
+    for node in tree.nodes:
+        for link in list(node.inputs["Normal"].links) if node.bl_idname == "ShaderNodeBsdfDiffuse" else ():
+            undo.callback(tree.links.new, link.from_socket, node.inputs["Normal"])
+            tree.links.remove(link)
+
+
+def _run_bake(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, terrain: bpy.types.Object, kind: str) -> None:
+    with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=terrain, object=terrain,
+                                   selected_objects=[terrain], selected_editable_objects=[terrain]):
+        try:
+            done = bpy.ops.object.bake(type="DIFFUSE", pass_filter={kind}, target="VERTEX_COLORS", use_clear=True,
+                                       use_selected_to_active=False)
+        except RuntimeError as error:
+            why = str(error).removeprefix("Error: ").strip().splitlines()[0]
+            raise IcyMoonError(f"Cycles could not bake the light of the ground ({why}); set quality.indirect to "
+                               "TRACED.") from None
+    if done != {"FINISHED"}:
+        raise IcyMoonError("Cycles could not bake the light of the ground; set quality.indirect to TRACED.")
+
+
+def _show(mesh: bpy.types.Mesh, values: np.ndarray) -> None:
+    """Let a mesh carry baked light (n, 3), unless it does; a change makes Cycles build its tree again."""
+    there = mesh.attributes.get(BAKED_ATTRIBUTE)
+    if there is None:
+        there = mesh.attributes.new(BAKED_ATTRIBUTE, "FLOAT_VECTOR", "POINT")
+    now = np.empty(values.size, np.float32)
+    there.data.foreach_get("vector", now)
+    if not np.array_equal(now.reshape(-1, 3), values):
+        there.data.foreach_set("vector", np.ascontiguousarray(values).reshape(-1))
+        mesh.update()

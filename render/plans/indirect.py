@@ -1,0 +1,75 @@
+"""Where indirect light is baked rather than traced, by what each takes. Imports no Blender.
+
+``quality.indirect`` AUTO is decided when a data set is planned, so that a pair's settings and its id state how it is
+made. The same plan always decides in the same way.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+
+from ...physics.mesh.grading import grade
+from ...physics.scene_requirements import can_be_baked, direct_quality
+from ...physics.terrain.terrain import make_terrain
+from ...settings import changes
+from ...settings.description import merged
+from ...typed_settings import QualitySettings, Settings
+from ..pairs.pair_folder import StereoCamera
+
+#: Processor seconds of a million paths from the corners of a mesh, and of starting the four bakes (2-core x86 server,
+#: Blender 5.0, three bounces).
+_S_PER_MPATH, _START_S = 0.8, 0.8
+#: The same per million pixels: of a sample of direct light of Lambert ground with fine relief, what a bounce adds to
+#: it, and the denoiser.
+_DIRECT_S, _BOUNCE_S, _DENOISE_S = 1.76, 0.17, 3.5
+#: Corners of a uniform grid for each vertex, and of triangles.
+_OF_A_QUAD, _OF_TRIANGLES = 4.0, 6.0
+
+
+def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
+    """The settings of all pairs of a data set, with BAKED or TRACED in place of AUTO."""
+    keys = [light_key(each) if each.quality.indirect == "AUTO" else "" for each in settings]
+    images = Counter(keys)
+    enough: dict[str, int] = {}
+    found = []
+    for each, key in zip(settings, keys, strict=True):
+        if key and key not in enough:
+            enough[key] = break_even(each) if can_be_baked(each) else 0
+        if key:
+            baked = 0 < enough[key] <= images[key]
+            each = merged(each, {"quality": {"indirect": "BAKED" if baked else "TRACED"}})
+        found.append(each)
+    return found
+
+
+def light_key(settings: Settings) -> str:
+    """A text that is equal for pairs that can share baked light."""
+    quality = settings.quality
+    return json.dumps([changes.scene(settings), changes.look(settings), changes.light(settings),
+                       quality.diffuse_bounces, quality.bake_samples, quality.bake_noise])
+
+
+def break_even(settings: Settings) -> int:
+    """Number of images of a ground under one Sun from which baked light takes less than traced light; 0 if it never
+    does."""
+    saved = _pair_seconds(settings, settings.quality) - _pair_seconds(settings, direct_quality(settings.quality))
+    return 0 if saved <= 0 else max(1, round(0.5 + bake_seconds(settings) / saved))
+
+
+def bake_seconds(settings: Settings) -> float:
+    """Processor seconds of baking the light of a made-up ground, if it takes all its samples."""
+    return _START_S + _S_PER_MPATH * settings.quality.bake_samples * _count_corners(settings) / 1e6
+
+
+def _count_corners(settings: Settings) -> float:
+    if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
+        return _OF_TRIANGLES * grade(make_terrain(settings, int(settings.dataset.seed)), settings).rings.vertices
+    return _OF_A_QUAD * settings.terrain.resolution ** 2
+
+
+def _pair_seconds(settings: Settings, quality: QualitySettings) -> float:
+    width, height = StereoCamera.from_settings(settings.rig).rendered_px
+    sample = _DIRECT_S + _BOUNCE_S * quality.diffuse_bounces
+    return 2e-6 * width * height * (quality.samples * sample + _DENOISE_S * (quality.denoiser != "NONE"))

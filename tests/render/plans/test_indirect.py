@@ -1,0 +1,62 @@
+"""Whether light is baked, by the images that share it."""
+
+from __future__ import annotations
+
+import pytest
+from icymoon.physics.scene_requirements import is_baked, why_not_baked
+from icymoon.render.plans.indirect import break_even, choose_indirect
+from icymoon.render.plans.planned_pair import expand_headings
+from icymoon.settings import description
+from icymoon.typed_settings import Settings
+
+LAMBERT = {"surface": {"model": "LAMBERT"}, "mesh": {"kind": "GRID"}, "terrain": {"resolution": 258},
+           "quality": {"indirect": "AUTO", "samples": 9, "denoiser": "OIDN", "diffuse_bounces": 3}}
+
+
+def described(*parts: dict) -> Settings:
+    return description.merged(description.defaults(), *(description.check(part, "test") for part in (LAMBERT, *parts)))
+
+
+def headings(settings: Settings, count: int) -> list[str]:
+    pairs = expand_headings(description.merged(settings, {"dataset": {"headings": count}}))
+    return [pair.settings.quality.indirect for pair in pairs]
+
+
+def test_enough_images_of_one_ground_and_sun_are_baked():
+    # The prototype's figures for 640 x 480: six images with 256 samples, two with 64.
+    settings = described()
+    enough = break_even(settings)
+    assert 4 <= enough <= 8
+    assert break_even(described({"quality": {"bake_samples": 64}})) in (1, 2, 3)
+    assert set(headings(settings, enough)) == {"BAKED"}
+    assert set(headings(settings, enough - 1)) == {"TRACED"}
+
+
+def test_images_of_other_grounds_and_suns_do_not_count():
+    enough = break_even(described())
+    several = [described({"dataset": {"seed": seed}}) for seed in range(enough)]
+    low = [described({"light": {"sun_elevation_deg": 10.0 + k}}) for k in range(enough)]
+    assert {each.quality.indirect for each in choose_indirect(several + low)} == {"TRACED"}
+    seen = [described({"rig": {"heading_deg": 10.0 * k, "pitch_deg": 20.0}}) for k in range(enough)]
+    assert {each.quality.indirect for each in choose_indirect(seen)} == {"BAKED"}
+
+
+def test_fewer_samples_than_direct_light_takes_are_never_baked():
+    settings = described({"quality": {"samples": 2, "denoiser": "NONE", "direct_samples": 4}})
+    assert break_even(settings) == 0
+    assert set(headings(settings, 90)) == {"TRACED"}
+
+
+def test_what_is_not_automatic_stays():
+    for choice in ("TRACED", "BAKED"):
+        assert headings(described({"quality": {"indirect": choice}}), 3) == [choice] * 3
+
+
+@pytest.mark.parametrize("part", [
+    {"surface": {"model": "PRINCIPLED"}}, {"surface": {"model": "HAPKE"}}, {"rocks": {"coverage": 0.1}},
+    {"light": {"planet": True}}, {"light": {"stars": True}}])
+def test_what_cannot_be_baked_is_traced_and_told(part):
+    settings = described(part, {"quality": {"indirect": "BAKED"}})
+    assert why_not_baked(settings)
+    assert not is_baked(settings)
+    assert set(headings(described(part), 90)) == {"TRACED"}
