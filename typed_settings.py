@@ -209,6 +209,7 @@ class PenitentesSettings(Table):
     sharpness: float
     elongation: float
     variation: float
+    disorder: float
     noon_azimuth_deg: float  # deg
     lean_deg: float  # deg
 

@@ -150,6 +150,7 @@ class PenitentesOverrides(TypedDict, total=False):
     sharpness: float
     elongation: float
     variation: float
+    disorder: float
     noon_azimuth_deg: float  # deg
     lean_deg: float  # deg
 

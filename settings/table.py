@@ -302,6 +302,8 @@ PENITENTES = Topic("penitentes", "Penitentes", "Rows of ice blades that lean tow
             0.5, 100.0, (0.5, 10.0)),
     _fraction("variation", "Variation", 0.6, "Variation of the heights of blades and of the saddles between them; "
               "0 for unbroken rows of one height", "geometry"),
+    _fraction("disorder", "Disorder", 0.0, "How much groups of blades differ in height, and blades in spacing and "
+              "lean; 0 for rows that are alike everywhere", "geometry"),
     _degrees("noon_azimuth_deg", "Noon Sun", 0.0, -360.0, 360.0,
              "Azimuth of the noon Sun. Blades lean toward it, and rows run at right angles to it", "geometry"),
     _degrees("lean_deg", "Lean", 0.0, 0.0, 60.0, "Angle by which blades lean from the vertical: the zenith distance of "

@@ -22,6 +22,10 @@ from .common import Crests, Landform, draw_key, smooth_step, turn, wander
 _WANDER, _WANDER_LENGTH = 0.5, 1.2
 #: Furthest a row's crest is beside the middle between its troughs by chance, and with its lean, in spacings.
 _ASTRAY, _MOST_LEAN = 0.12, 0.35
+#: At full disorder: how much lower the lowest groups of blades are than the tallest, and the width of groups; how far
+#: rows are out of place and over how many rows; how much a blade leans beside its row's lean. All in spacings but the
+#: first.
+_GROUPS, _GROUP, _PUSHED, _PUSHED_OVER, _LEANS = 0.75, 5.0, 0.8, 3.6, 0.3
 #: How much lower the lowest blade is than the tallest, as a share of the variation.
 _LOWER = 0.5
 #: How much shallower the shallowest notch between two blades is than the deepest.
@@ -38,7 +42,8 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
     height, spacing = settings.height_m, settings.spacing_m
     if height == 0.0:
         return None
-    length = spacing * settings.elongation
+    more = [draw_key(random) for _ in range(3)]
+    disorder, length = settings.disorder, spacing * settings.elongation
     sharpness, variation = settings.sharpness, settings.variation
     lean = math.tan(math.radians(settings.lean_deg)) * height / spacing
     lean = min(lean, _MOST_LEAN - _ASTRAY)
@@ -66,10 +71,24 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         u, v = along / (_WANDER_LENGTH * length), across / (_WANDER_LENGTH * length)
         place = across / spacing + _WANDER * wander(u, v, keys[4]) + 0.5 * _WANDER * wander(
             2.3 * u, 2.3 * v, keys[5])
+        if disorder:
+            over = _PUSHED_OVER * spacing
+            place = place + disorder * _PUSHED * wander(along / over, across / over, more[0])
         row = np.floor(place + 0.5)
         index = row.astype(np.int64)
         middle = lean + _ASTRAY * (2.0 * to_uniform(hash_lattice(index, np.int64(0) * index, keys[6])) - 1.0)
+        if disorder:
+            leans = disorder * _LEANS * wander(along / length, 1.7 * row, more[1])
+            middle = np.clip(middle + leans, -_MOST_LEAN, _MOST_LEAN)
         return place - row - middle, middle, index, along
+
+    def of_group(x_m: np.ndarray, y_m: np.ndarray) -> Any:
+        """How tall the group of blades is, as a share of the tallest."""
+        if not disorder:
+            return 1.0
+        u, v = np.broadcast_arrays(x_m / (_GROUP * spacing), y_m / (_GROUP * spacing))
+        field = wander(u, v, more[2]) + 0.5 * wander(2.7 * u, 2.7 * v, more[2] ^ 1)  # rarely beyond 0.6
+        return 1.0 - disorder * _GROUPS * smooth_step(0.5 + 0.8 * field)
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
         beside, middle, index, along = offset(x_m, y_m)
@@ -79,7 +98,7 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         distance = (np.hypot(distance, edge) - edge) / (np.hypot(1.0, edge) - edge)
         rounded = 1.0 - smooth_step(distance)
         blade = rounded + sharpness * ((1.0 - distance) ** 2 - rounded)
-        return height * blade * crest(along, index)
+        return height * of_group(x_m, y_m) * blade * crest(along, index)
 
     def sharp_heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
         """Rounded only where the mesh is too coarse for an edge along the crest."""

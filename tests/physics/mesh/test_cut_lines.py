@@ -81,9 +81,10 @@ def test_triangles_that_are_too_coarse_stay_whole():
     assert not cut.on_line.any()
 
 
-def _penitentes(crests):
+def _penitentes(crests, disorder):
     settings = merged(defaults(), {
-        "terrain": {"rms_slope_deg": 0.0}, "penitentes": {"height_m": 2.0, "spacing_m": 1.1, "lean_deg": 8.0},
+        "terrain": {"rms_slope_deg": 0.0}, "penitentes": {"height_m": 2.0, "spacing_m": 1.1, "lean_deg": 8.0,
+                                                         "disorder": disorder},
         "mesh": {"crests": crests, "error_px": 4.0, "farthest_m": 40.0, "most": 60_000},
         "rig": {"width_px": 160, "height_px": 120}})
     ground = make_terrain(settings, 1)
@@ -119,11 +120,12 @@ def _interpolated(positions, faces, x, y):
     return np.array(heights)
 
 
-def test_the_crests_of_penitentes_have_no_teeth():
+@pytest.mark.parametrize("disorder", [0.0, 0.8])
+def test_the_crests_of_penitentes_have_no_teeth(disorder):
     """Along a crest the mesh is as high as the law: what is left is what its edges leave of blades' own points."""
     low = {}
     for crests in ("ROUNDED", "CUT"):
-        ground, graded = _penitentes(crests)
+        ground, graded = _penitentes(crests, disorder)
         positions, faces, sharp = graded.mesh()
         assert (len(sharp) > 0) == (crests == "CUT")
         assert _edge_counts(faces).max() == 2

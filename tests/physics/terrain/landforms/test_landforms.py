@@ -85,6 +85,17 @@ def test_blades_lean_toward_the_noon_sun(azimuth, lean):
     assert rising == pytest.approx(expected, abs=0.025)
 
 
+def test_disorder_gives_groups_of_different_heights_at_the_same_tallest():
+    mades = [_made("penitentes", height_m=2.0, spacing_m=1.0, variation=0.0, disorder=d) for d in (0.0, 1.0)]
+    even, mixed = (_grid(made, 40.0, 801)[0] for made in mades)
+    # The tallest of squares two spacings wide: in even rows each has a crest of 2 m.
+    tallest = [h[:800, :800].reshape(20, 40, 20, 40).max(axis=(1, 3)) for h in (even, mixed)]
+    assert tallest[0].min() > 1.9
+    assert 1.9 < tallest[1].max() <= 2.0
+    assert tallest[1].min() < 1.0
+    assert tallest[1].std() > 0.2
+
+
 def test_a_coarse_mesh_gets_rounder_blades_not_saws():
     made = _made("penitentes", height_m=2.0, spacing_m=1.0, variation=0.0)
     fine, coarse = (_grid(made, 10.0, 501, shortest)[0] for shortest in (0.0, 0.3))
