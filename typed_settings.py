@@ -496,6 +496,16 @@ class ArmSettings(Table):
     scoop_depth_m: float  # m
 
 
+class WorkspaceSettings(Table):
+    """Ground in reach of an arm, with its exact heights."""
+
+    __slots__ = ()
+    cell_m: float  # m
+    east_m: float  # m
+    north_m: float  # m
+    size_m: float  # m
+
+
 class SensorSettings(Table):
     """From radiance to digital numbers (EMVA 1288). Changes need no new render."""
 
@@ -610,6 +620,7 @@ class Settings(Table):
     rig: RigSettings
     lander: LanderSettings
     arm: ArmSettings
+    workspace: WorkspaceSettings
     sensor: SensorSettings
     quality: QualitySettings
     dataset: DatasetSettings
@@ -637,6 +648,7 @@ TABLES: dict[str, type[Table]] = {
     "rig": RigSettings,
     "lander": LanderSettings,
     "arm": ArmSettings,
+    "workspace": WorkspaceSettings,
     "sensor": SensorSettings,
     "quality": QualitySettings,
     "dataset": DatasetSettings,

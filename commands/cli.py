@@ -22,7 +22,7 @@ from ..render.workers.job import Job, absolute_folder, render_job
 from ..render.workers.process import Message, emit, report_errors
 from ..scratch import scratch_folder
 from ..settings import description, preset_files, toml_text
-from ..stereo.cli import add_evaluate_options, run_evaluate, stereo_verbs
+from ..stereo.cli import add_decide_options, add_evaluate_options, run_decide, run_evaluate, stereo_verbs
 from ..terminal import as_path, report_end, show_counted_progress, show_progress
 from ..typed_settings import Settings
 from ..version import version
@@ -66,6 +66,10 @@ def _make_parser() -> argparse.ArgumentParser:
     evaluate = verbs.add_parser("evaluate", help="match the pairs of a data set and write a report")
     add_evaluate_options(evaluate, out_needed=False)
     evaluate.set_defaults(run=_run_evaluate)
+
+    decide = verbs.add_parser("decide", help="measure what a lander would decide by each matcher, and write a report")
+    add_decide_options(decide, out_needed=False)
+    decide.set_defaults(run=_run_decide)
 
     verbs.add_parser("stereo", help=f"the evaluator by itself: {', '.join(stereo_verbs())}", add_help=False)
 
@@ -183,6 +187,11 @@ def _run_render(options: argparse.Namespace) -> int:
 def _run_evaluate(options: argparse.Namespace) -> int:
     options.out = options.out or options.path[0] / "evaluation"
     return run_evaluate(options)
+
+
+def _run_decide(options: argparse.Namespace) -> int:
+    options.out = options.out or options.path[0] / "decisions"
+    return run_decide(options)
 
 
 def _run_demo(options: argparse.Namespace) -> int:

@@ -135,6 +135,8 @@ def has_effect(topic: str, key: str, root: Any) -> bool:
         return group.mapping != "PATCH" and not uses_uv(TexturesSettings(set=group.set, mapping=group.mapping))
     if topic == "textures" and key != "set":
         return bool(key.endswith("_file") or group.set != "MESH")
+    if topic == "workspace":
+        return bool(key == "cell_m" or group.cell_m > 0)
     return _HAS_EFFECT.get(topic, _always)(key, group)
 
 

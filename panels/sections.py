@@ -26,7 +26,7 @@ class Section:
 ADVANCED = "advanced"
 #: Topics whose panel is inside the panel of another topic.
 INSIDE = {"source": "terrain", "hills": "terrain", "mesh": "terrain", "hapke": "surface", "textures": "surface",
-          "rock_surface": "rocks", "arm": "lander"}
+          "rock_surface": "rocks", "arm": "lander", "workspace": "lander"}
 
 
 def _advanced(topic: str, *settings: str) -> Section:

@@ -14,8 +14,8 @@ from ..files import write_atomically
 from ..formats.ply import write_triangles
 from ..formats.tiff_write import Place, encode_tiff
 from ..typed_settings import Settings
+from .cycles_errors import first_line
 from .ground_maps import GroundMap
-from .render_pair import first_line
 
 #: Positions and normals (n, 3) and triangles (m, 3) of a mesh.
 Triangles = tuple[np.ndarray, np.ndarray, np.ndarray]

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
@@ -26,14 +26,17 @@ from ..nodes.ground.user_ground import is_from_file
 from ..nodes.scene import Built
 from ..nodes.surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from ..nodes.surface.sun_inputs import prepare_for_cycles
+from ..typed_settings import WorkspaceSettings
 from . import cycles_settings, passes, separate_lights
+from .cycles_errors import first_line
 from .render_camera import SAMPLE_OFFSET_PX
-from .render_pair import first_line
 
 #: Cells along the longer side if none are asked for, and the most.
 CELLS, MOST_CELLS = 1024, 8192
 #: From the highest point to the camera, in metres.
 _ABOVE_M = 1.0
+#: Places along a side of a cell of a workspace where its height is looked up.
+_PLACES = 3
 
 
 @dataclass(frozen=True)
@@ -84,6 +87,58 @@ def extent_of(built: Built, cell_m: float | None) -> Extent:
     return Extent(float(cell), rows, columns, float(middle_x - columns * cell / 2), float(middle_y + rows * cell / 2))
 
 
+def workspace_extent(workspace: WorkspaceSettings) -> Extent:
+    """The cells of a workspace; whole cells that cover its square. Raises IcyMoonError for too many."""
+    count = max(1, int(np.ceil(workspace.size_m / workspace.cell_m - 1e-6)))
+    if _PLACES * count > MOST_CELLS:
+        raise IcyMoonError(f"workspace.cell_m is {workspace.cell_m:g}, which makes {count} cells along a side; give "
+                           f"{_PLACES * workspace.size_m / MOST_CELLS:.3g} m or more.")
+    half = count * workspace.cell_m / 2
+    return Extent(float(workspace.cell_m), count, count, float(workspace.east_m - half),
+                  float(workspace.north_m + half))
+
+
+def make_heights(built: Built, scene: bpy.types.Scene, folder: Path, extent: Extent) -> np.ndarray:
+    """Heights, float32 (2, rows, columns), of what lies on top and of the ground without rocks, in the site's frame.
+
+    A height is the median of those at 3 x 3 places of its cell, as matchers' points are gridded by medians. What is not
+    of the ground, such as a lander, is left out. The scene's camera and passes are to be set up again afterwards.
+    Raises IcyMoonError where Cycles fails.
+    """
+    fine = replace(extent, cell_m=extent.cell_m / _PLACES, rows=_PLACES * extent.rows,
+                   columns=_PLACES * extent.columns)
+    top_m = _highest_m(scene) + _ABOVE_M
+    items = [item for item in built.collection.all_objects if item.type == "MESH"]
+    rocks = [item for item in items if item.get(TAG) == "rock"]
+    others = [item for item in items if item not in rocks and item != built.terrain]
+    with _look_down(scene, fine, top_m), _without_osl(scene, built), _hidden(others):
+        surface = _cell_medians(_heights(_render(scene, folder / "workspace"), top_m))
+        if not rocks:
+            return np.stack([surface, surface])
+        with _hidden(rocks):
+            return np.stack([surface, _cell_medians(_heights(_render(scene, folder / "workspace"), top_m))])
+
+
+def _cell_medians(height_m: np.ndarray) -> np.ndarray:
+    """The medians of squares of ``_PLACES`` rows and columns, NaN where a part is not known."""
+    rows, columns = (count // _PLACES for count in height_m.shape)
+    squares = height_m.reshape(rows, _PLACES, columns, _PLACES).swapaxes(1, 2)
+    return np.asarray(np.median(squares.reshape(rows, columns, -1), axis=2))
+
+
+@contextmanager
+def _hidden(items: Sequence[bpy.types.Object]) -> Iterator[None]:
+    """Renders do not show these objects."""
+    shown = [item for item in items if not item.hide_render]
+    for item in shown:
+        item.hide_render = True
+    try:
+        yield
+    finally:
+        for item in shown:
+            item.hide_render = False
+
+
 def make_ground_map(built: Built, scene: bpy.types.Scene, folder: Path, cell_m: float | None = None) -> GroundMap:
     """The map of a built scene that ``scene`` renders; images are written to ``folder`` meanwhile.
 
@@ -99,13 +154,8 @@ def make_ground_map(built: Built, scene: bpy.types.Scene, folder: Path, cell_m: 
         whole = _render(scene, folder / "ground_map")
         surface = _heights(whole, top_m)
         rocks = [item for item in built.collection.all_objects if item.get(TAG) == "rock" and not item.hide_render]
-        for item in rocks:
-            item.hide_render = True
-        try:
+        with _hidden(rocks):
             ground = _heights(_render(scene, folder / "ground_map"), top_m) if rocks else surface
-        finally:
-            for item in rocks:
-                item.hide_render = False
     layer.aovs.remove(pass_)
     ours = np.isin(np.rint(_pass(whole, "Material Index", "IndexMA")[0]), (TERRAIN, ROCK)) & np.isfinite(surface)
     albedo = np.stack(_pass(whole, ALBEDO_AOV), axis=-1)

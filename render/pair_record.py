@@ -20,9 +20,11 @@ from ..physics.camera.blur import blur_of
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ..physics.scene_requirements import find_left_out
 from ..system import peak_memory_mib
+from ..typed_settings import WorkspaceSettings
 from ..version import version
 from .graphics_cards import list_selected_cards
-from .pairs.pair_folder import EYES, FORMAT, VERSION, StereoCamera
+from .ground_maps import workspace_extent
+from .pairs.pair_folder import EYES, FORMAT, VERSION, WORKSPACE_FILE, StereoCamera
 from .plans.planned_pair import PlannedPair
 
 
@@ -32,6 +34,15 @@ def _light_json(built: Built, toward_sun: np.ndarray) -> dict[str, Any]:
     described["sun"] |= {"direction_to_world": toward_sun.tolist(), "irradiance_wm2": irradiance_wm2(built.sun),
                          "angular_diameter_deg": math.degrees(angular_diameter(built.sun))}
     return described
+
+
+def _workspace_json(workspace: WorkspaceSettings) -> dict[str, Any]:
+    """Where the file of the workspace's true heights is and what it covers; nothing if there is none."""
+    if workspace.cell_m <= 0:
+        return {}
+    extent = workspace_extent(workspace)
+    return {"workspace": {"file": WORKSPACE_FILE, "cell_m": extent.cell_m, "origin_m": [extent.west_m, extent.north_m],
+                          "shape": [extent.rows, extent.columns]}}
 
 
 def _eye_pose(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
@@ -85,6 +96,7 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
         "hapke": describe_hapke(built.materials), "denoiser": denoiser,
         **({} if indirect is None else {"indirect": indirect}),
         "platform": platform.platform(),
+        **_workspace_json(settings.workspace),
         "seconds": seconds, "peak_memory_mib": peak_memory_mib(),
         "files": files,
     }

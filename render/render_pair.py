@@ -32,12 +32,15 @@ from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.camera.blur import Blur, blur_of
 from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
+from ..typed_settings import Settings
 from . import cycles_settings, occlusion, passes, separate_lights
 from .baked_light import Indirect
 from .cost.estimate import bytes_of, count_bytes_left
+from .cycles_errors import first_line
+from .ground_maps import make_heights, workspace_extent
 from .object_labels import lend_labels
 from .pair_record import pair_json
-from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera
+from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE, WORKSPACE_FILE, StereoCamera
 from .pairs.publish import discard, publish
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
@@ -215,12 +218,24 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                                 shares[eye] = _add_baked_light(file, planned)
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         toward_sun = np.array(built.sun.matrix_world.to_3x3().col[2])
+        if settings.workspace.cell_m > 0:
+            _write_workspace(part / WORKSPACE_FILE, built, scene, settings)
     rendered = time.perf_counter() - start
     start = time.perf_counter()
     written = {name: _merge_layers(layers, part / name) for name, layers in sorted(files.items())}
+    if settings.workspace.cell_m > 0:
+        written[WORKSPACE_FILE] = _fact_of(part / WORKSPACE_FILE)
     return pair_json(built, planned, poses, toward_sun, written, {
         "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
         "write": round(time.perf_counter() - start, 3)}, quality.denoiser, indirect.to_json(shares))
+
+
+def _write_workspace(path: Path, built: Built, scene: bpy.types.Scene, settings: Settings) -> None:
+    """Write the true heights of the workspace, see ``pair_folder.WORKSPACE_FILE``; the camera is set up anew after."""
+    cycles_settings.apply(scene, settings.quality, 0)
+    heights = make_heights(built, scene, path.parent, workspace_extent(settings.workspace))
+    with explain_disk_errors("write", path), path.open("wb") as stream:
+        np.save(stream, heights, allow_pickle=False)
 
 
 def _render_radiance(scene: bpy.types.Scene, built: Built, lights: list[separate_lights.LightPass], stem: Path,
@@ -294,12 +309,6 @@ def _run_cycles(scene: bpy.types.Scene, files: dict[str, Path], planned: Planned
                             "the disk is full or the folder may not be written to.")
 
 
-def first_line(error: Exception) -> str:
-    """Why an operator of Blender failed."""
-    lines = [line.removeprefix("Error: ").strip() for line in str(error).splitlines() if line.strip()]
-    return lines[0] if lines else type(error).__name__
-
-
 def _merge_layers(written: dict[str, Path], final: Path) -> dict[str, Any]:
     """Put the layers that Blender wrote into one file, flush it and return its size and checksum."""
     less = partial(drop_passes, unwanted=passes.UNWANTED)
@@ -308,4 +317,9 @@ def _merge_layers(written: dict[str, Path], final: Path) -> dict[str, Any]:
         for file in written.values():
             system.remove(file)
         system.flush(final)
-        return {"bytes": final.stat().st_size, "sha256": sha256(final)}
+        return _fact_of(final)
+
+
+def _fact_of(file: Path) -> dict[str, Any]:
+    """Size and checksum of a file of a pair."""
+    return {"bytes": file.stat().st_size, "sha256": sha256(file)}

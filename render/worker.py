@@ -24,10 +24,11 @@ from ..settings.description import check, defaults, merged, restored
 from ..system import end_at_interrupt
 from ..typed_settings import Settings
 from . import baked_light
+from .cycles_errors import first_line
 from .pairs.our_files import checked_id
 from .pairs.pair_folder import is_complete
 from .plans.planned_pair import PlannedPair, expand_headings
-from .render_pair import check_space, first_line, render_pair
+from .render_pair import check_space, render_pair
 from .scene_source import FixedScene, ScenesFromSettings
 from .workers.claims import Claims
 from .workers.job import read_job

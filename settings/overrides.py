@@ -469,6 +469,15 @@ class ArmOverrides(TypedDict, total=False):
     scoop_depth_m: float  # m
 
 
+class WorkspaceOverrides(TypedDict, total=False):
+    """Changes of ``workspace``."""
+
+    cell_m: float  # m
+    east_m: float  # m
+    north_m: float  # m
+    size_m: float  # m
+
+
 class SensorOverrides(TypedDict, total=False):
     """Changes of ``sensor``."""
 
@@ -579,6 +588,7 @@ class Overrides(TypedDict, total=False):
     rig: RigOverrides
     lander: LanderOverrides
     arm: ArmOverrides
+    workspace: WorkspaceOverrides
     sensor: SensorOverrides
     quality: QualityOverrides
     dataset: DatasetOverrides

@@ -1017,6 +1017,16 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
             zero="all"),
 ))
 
+WORKSPACE = Topic("workspace", "Workspace", "Ground in reach of an arm, with its exact heights", (
+    _metres("cell_m", "Cell", 0.0, 0.0, 1.0, (0.0, 0.05),
+            "Side of a cell of the true elevation model that is written with each pair; 0 writes none", "sampling"),
+    _metres("east_m", "Centre East", 0.0, -5.0e4, 5.0e4, (-5.0, 5.0), "East coordinate of the centre of the workspace",
+            "sampling"),
+    _metres("north_m", "Centre North", 1.6, -5.0e4, 5.0e4, (-5.0, 5.0),
+            "North coordinate of the centre of the workspace", "sampling"),
+    _metres("size_m", "Size", 2.0, 0.01, 100.0, (0.2, 5.0), "Side of the workspace, which is a square", "sampling"),
+))
+
 DATASET = Topic("dataset", "Data Set", "Folder and plan of a data set", (
     Setting("folder", "Folder", "~/icymoon",
             "Folder that the data set is written to. ~ is your home folder, // the folder of the .blend file",
@@ -1043,7 +1053,7 @@ DATASET = Topic("dataset", "Data Set", "Folder and plan of a data set", (
 
 TOPICS: dict[str, Topic] = {t.key: t for t in (
     SOURCE, TERRAIN, MESH, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, PITS, HILLS, MANTLE, SURFACE, HAPKE,
-    TEXTURES, ROCKS, ROCK_SURFACE, LIGHT, RIG, LANDER, ARM, SENSOR, QUALITY, DATASET)}
+    TEXTURES, ROCKS, ROCK_SURFACE, LIGHT, RIG, LANDER, ARM, WORKSPACE, SENSOR, QUALITY, DATASET)}
 
 
 def _topic_of(landform: PluginLandform) -> Topic:

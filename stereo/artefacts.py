@@ -19,33 +19,33 @@ from .measure.prepare import Prepared
 from .measure.result_row import depth_of
 
 #: The files that an evaluation writes into its folder, beside ``pairs/``, and how each begins.
-_OPENINGS = {"results.jsonl": b'{"pair": ', "results.csv": b"pair,method,status,",
+_OPENINGS: Mapping[str, bytes] = {"results.jsonl": b'{"pair": ', "results.csv": b"pair,method,status,",
              "report.json": b'{\n "format": "icymoon-', "summary.json": b'{\n "format": "icymoon-',
              "report.html": b'<!DOCTYPE html>\n<html lang="en">\n<head>\n'}
 
 
-def check_output_folder(out: Path, pairs: Iterable[str]) -> None:
+def check_output_folder(out: Path, pairs: Iterable[str], openings: Mapping[str, bytes] = _OPENINGS) -> None:
     """Raise IcyMoonError if an evaluation of ``pairs`` would overwrite files in ``out`` that no evaluation wrote.
 
-    A link may lead anywhere, and other programs use the same names for their results.
+    A link may lead anywhere, and other programs use the same names for their results. ``openings`` are the files that
+    are written beside ``pairs/``, and how each begins.
     """
     folders = [out / "pairs", out / "curves", *(out / "pairs" / name for name in pairs)]
-    for path in (*folders, *(out / name for name in _OPENINGS)):
+    for path in (*folders, *(out / name for name in openings)):
         if path.is_symlink():
             raise IcyMoonError(f"{path} is a link, and results are not written through one; remove it, or choose "
                                "another folder for them.")
     if any((folder / "pair.json").exists() for folder in folders):
         raise IcyMoonError(f"{out} is a data set, and results would mix with its pairs; choose another folder for "
                            "them.")
-    there = [out / name for name in _OPENINGS if (out / name).exists()]
-    if there and not any(_is_of_an_evaluation(path) for path in there):
+    there = [out / name for name in openings if (out / name).exists()]
+    if there and not any(_is_ours(path, openings[path.name]) for path in there):
         raise IcyMoonError(f"{there[0]} was not written by an evaluation and is not overwritten; choose another folder "
                            "for the results.")
 
 
-def _is_of_an_evaluation(path: Path) -> bool:
-    """Whether an evaluation wrote a file; a run may have been killed within the first line."""
-    begin = _OPENINGS[path.name]
+def _is_ours(path: Path, begin: bytes) -> bool:
+    """Whether a file begins as ours do; a run may have been killed within the first line."""
     with explain_disk_errors("read", path), path.open("rb") as stream:
         return begin.startswith(found) if len(found := stream.read(len(begin))) < len(begin) else found == begin
 

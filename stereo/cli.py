@@ -77,6 +77,11 @@ def _parser() -> argparse.ArgumentParser:
     add_evaluate_options(command)
     command.set_defaults(run=run_evaluate)
 
+    command = commands.add_parser("decide", help="measure what a lander would decide by each matcher: heights, sites, "
+                                                 "landing pads")
+    add_decide_options(command)
+    command.set_defaults(run=run_decide)
+
     command = commands.add_parser("truth", help="write disparity, depth and visibility of both eyes, check that they "
                                                 "fit the images, and print a line of JSON per pair")
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
@@ -254,6 +259,88 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
         raise IcyMoonError(f"{len(report['failed'])} of the evaluations failed, the first one: "
                            f"{report['failed'][0]['message']}")
     return 0
+
+
+def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
+    """Add the arguments of ``decide``; ``run_decide`` runs it. ``python -m icymoon`` has the same verb."""
+    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
+                         help="pair folder or data set of pairs; may be several")
+    command.add_argument("--methods", default="bm,sgbm", help="matchers, separated by commas, as in evaluate "
+                         "(%(default)s)")
+    command.add_argument("--method", action="append", default=[], metavar="NAME=MATCHER:KEY=VALUE",
+                         help="one more method, with a name of yours; may repeat")
+    command.add_argument("--option", action="append", default=[], metavar="METHOD.KEY=VALUE",
+                         help="option for every use of a matcher, such as bm.window=21")
+    command.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
+                         help="option of your own matcher, which --methods then names as own:NAME; may repeat")
+    command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
+                         help="change the camera response that the pairs were rendered for, or light.sun_scale")
+    command.add_argument("--rules", type=as_path, metavar="FILE", help="TOML file with rules of your own for sites and "
+                         "pads, in place of shipped ones")
+    command.add_argument("--cell-m", type=float, metavar="METRES", help="side of a cell, of pairs without true heights "
+                         "(0.02)")
+    command.add_argument("--pose-error-mm", type=float, default=0.0, metavar="MM", help="what the lander knows of the "
+                         "place of its camera: standard deviation of each axis (%(default)s)")
+    command.add_argument("--pose-error-deg", type=float, default=0.0, metavar="DEG", help="the same of its direction "
+                         "(%(default)s)")
+    command.add_argument("--out", required=out_needed, type=as_path,
+                         help="folder for the report" + ("" if out_needed else " (decisions in the data set)"))
+    command.add_argument("--seed", type=int, default=0, help="seed of the errors of poses, and of the tests that "
+                         "compare matchers (%(default)s)")
+    command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+
+
+def run_decide(parsed: argparse.Namespace) -> int:
+    """Run ``decide`` with its parsed arguments; return the exit code."""
+    packages.require(*packages.PACKAGES)
+    from .decide import PoseError, decide_pairs
+    from .decisions.rules import read_rules
+    from .matchers.methods import parse_methods
+
+    for name in ("pose_error_mm", "pose_error_deg", "seed"):
+        if not (math.isfinite(getattr(parsed, name)) and getattr(parsed, name) >= 0):
+            raise IcyMoonError(f"--{name.replace('_', '-')} is {getattr(parsed, name)}; give 0 or more.")
+    if parsed.cell_m is not None and not (math.isfinite(parsed.cell_m) and parsed.cell_m > 0):
+        raise IcyMoonError(f"--cell-m is {parsed.cell_m}; give metres above 0.")
+    methods = parse_methods(parsed.methods, parsed.option, parsed.own, parsed.method)
+    response = _read_response([], parsed.set)
+    progress = nullcontext(_print_json_line) if parsed.json_lines else show_counted_progress("Deciding")
+    with progress as on_event:
+        report = decide_pairs(parsed.path, methods, parsed.out, read_rules(parsed.rules), response, on_event,
+                              parsed.cell_m, PoseError(parsed.pose_error_mm, parsed.pose_error_deg), parsed.seed)
+    path = (parsed.out / "decisions.html").resolve()
+    if parsed.json_lines:
+        _print_json_line({"type": "result", "report": str(path), "rows": report["summary"], "head": report["head"],
+                          "notes": report["notes"]})
+    else:
+        _print_decisions(report)
+        print(path)
+    if report["failed"]:
+        raise IcyMoonError(f"{len(report['failed'])} of the decisions failed, the first one: "
+                           f"{report['failed'][0]['message']}")
+    return 0
+
+
+def _print_decisions(report: dict[str, Any]) -> None:
+    """Print the summary of ``decide`` as a table, with what limits it."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from .decisions.report import DEM, OTHERS, SITES, format_cell
+
+    console = Console()
+    if not console.is_terminal:
+        console.width = max(console.width, 160)
+    columns = (*SITES[:6], DEM[1], DEM[3], DEM[4], *OTHERS[2:])
+    table = Table(title="Means over pairs", title_justify="left")
+    table.add_column("Method", overflow="fold")
+    for column in columns:
+        table.add_column(column.title, justify="right")
+    for entry in report["summary"]:
+        table.add_row(entry["method"], *(format_cell(entry, column) for column in columns))
+    console.print(table)
+    for sentence in (*report["head"], *report["notes"]):
+        print(sentence)
 
 
 def _run_truth(parsed: argparse.Namespace) -> int:

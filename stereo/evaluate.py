@@ -134,12 +134,12 @@ class _Evaluation:
         self._metrics = [metric.inputs() for metric in metrics]
         for fault in self.faults:
             self._tell({"type": "warning", "message": fault})
-        self._setups = {method.label: _method_inputs(method) for method in run.methods}
+        self._setups = {method.label: method_inputs(method) for method in run.methods}
 
     def tasks(self) -> Iterator[Task]:
         """The pairs of which something is missing, in their order; what is told of the others is told here."""
         for name, source in self.sources.items():
-            content = _digest([*source.content(), self._run.response, MEASURE, version()])
+            content = digest_of([*source.content(), self._run.response, MEASURE, version()])
             keys = {method.label: self._key(method, name, content) for method in self._run.methods}
             task = Task(name, content, keys, {
                 label: row for label, key in keys.items() if (row := self._find_row(name, label, key))})
@@ -158,7 +158,7 @@ class _Evaluation:
         if method.name == PREDICTION:
             with suppress(IcyMoonError):  # which is reported where it is read
                 inputs = [*inputs, read_checksum(find_prediction(method, pair))]
-        return _digest([content, inputs, *([self._metrics] if self._metrics else [])])
+        return digest_of([content, inputs, *([self._metrics] if self._metrics else [])])
 
     def _is_finished(self, row: Row, task: Task) -> bool:
         compared = all(row["common"].get(label, {}).get("key") == key for label, key in task.keys.items()
@@ -236,7 +236,7 @@ def _read_facts(out: Path, pair: str, content: str) -> dict[str, Any] | None:
     return facts if facts and facts["key"] == content and files_exist(facts, out, pair) else None
 
 
-def _method_inputs(method: Method) -> list[Any]:
+def method_inputs(method: Method) -> list[Any]:
     """Everything besides the images that a method's disparity depends on: its options, the files that they name, and
     versions."""
     options = options_of(method)
@@ -250,7 +250,8 @@ def _method_inputs(method: Method) -> list[Any]:
             *([release] if release else [])]
 
 
-def _digest(data: Any) -> str:
+def digest_of(data: Any) -> str:
+    """Sixteen digits that stand for JSON values."""
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
 
 

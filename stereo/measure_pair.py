@@ -82,7 +82,7 @@ def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any
     disparities: dict[str, np.ndarray] = {}
     rows: dict[str, Row] = dict(task.rows)
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
-    ranges = _search_ranges(prepared, shared)
+    ranges = search_ranges(prepared, shared)
     for method in run.methods:
         label = method.label
         stored = _read_stored(rows.get(label), prepared, run.out)
@@ -117,7 +117,7 @@ def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any
             yield _row_event(row, "update")
 
 
-def _search_ranges(prepared: Prepared, shared: np.ndarray) -> dict[str, SearchRange]:
+def search_ranges(prepared: Prepared, shared: np.ndarray) -> dict[str, SearchRange]:
     """The ranges that options may name; ``shared`` are the true disparities of what both eyes see."""
     pair = prepared.pair
     if isinstance(pair, Pair):

@@ -31,7 +31,7 @@ PURE = (
     "render/pairs", "render/plans", "render/workers", "render/cost",
     "stereo/environment", "stereo/images", "stereo/measure", "stereo/networks",
     "stereo/adapters", "stereo/matchers",
-    "stereo/export", "stereo/datasets", "stereo/report", "stereo/trade", "stereo",
+    "stereo/export", "stereo/datasets", "stereo/report", "stereo/decisions", "stereo/trade", "stereo",
     "validation/polar", "validation", "commands", "library")
 WITH_BLENDER = (
     "compat", "scene_properties",

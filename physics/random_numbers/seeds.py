@@ -10,7 +10,7 @@ import numpy as np
 
 #: The concerns, in an order that is never changed: the position is the child's spawn key.
 STREAMS = ("terrain", "rocks", "surface", "render", "sensor", "statistics", "stars", "plan", "stand_ins",
-           "training", "bake")
+           "training", "bake", "pose")
 
 
 def stream(seed: int, concern: str, *index: int) -> np.random.SeedSequence:

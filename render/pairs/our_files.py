@@ -29,7 +29,7 @@ _OUR_NAMES = {
     "pairs/*": re.compile(rf"pair\.json{_UNFINISHED}"),
 }
 #: Files of a pair, and what file managers leave in any folder.
-_PAIR_FILES = re.compile(rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth)?\.exr"
+_PAIR_FILES = re.compile(rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth)?\.exr|workspace\.npy"
                          r"|\.DS_Store|Thumbs\.db|desktop\.ini")
 
 

@@ -48,6 +48,9 @@ VERSION = 1
 EYES = ("left", "right")
 _IMAGES = tuple(f"{eye}.exr" for eye in EYES)
 TRUTH_FILE, TOED_TRUTH_FILE = "{}_truth.exr", "{}_toed_truth.exr"
+#: True heights of the workspace, float32 (2, rows, columns), north first, in metres of the site's frame: of what lies
+#: on top, and of the ground without its rocks; NaN where there is neither.
+WORKSPACE_FILE = "workspace.npy"
 
 
 @dataclass(frozen=True)
@@ -213,6 +216,7 @@ _SHAPE = {
     "edited_by_hand": Maybe(FLAG), "own_files_sha256": Maybe(TEXT), "left_out": Maybe(Each(TEXT)),
     "seeds": Maybe(Each(WHOLE, TEXT)),
     "device": Maybe(TEXT), "denoiser": Maybe(TEXT), "platform": Maybe(TEXT), "osl": Maybe(FLAG),
+    "workspace": Maybe({"file": FILE_NAME, "cell_m": POSITIVE, "origin_m": Each(NUMBER), "shape": Each(COUNT)}),
     "light": Maybe(TABLE), "blur": Maybe(TABLE, null=True), "seconds": _NUMBERS, "cpu_seconds": _NUMBERS,
     "peak_memory_mib": Maybe(NUMBER, null=True)}
 

@@ -145,7 +145,7 @@ def _find_contradictions(pair: Pair, planned: PlannedPair) -> Iterator[str]:
     if seed != planned.render_seed:
         yield f"{path}: was rendered with the seed {seed}, not {planned.render_seed}."
     yield from (f"{pair.folder / name} is no whole EXR image." for name in pair.data["files"]
-                if not is_whole(pair.folder / name))
+                if name.endswith(".exr") and not is_whole(pair.folder / name))
 
 
 def _check_other_files(dataset: Path, planned: set[str], working: set[str]) -> Iterator[Problem]:

@@ -164,6 +164,7 @@ CASES = [
     ("rocks", {"rocks": {"coverage": 0.01, "law": "TABLE"}}, "but",
      {"power_index", "smallest_m", "largest_m", "clustering", "cluster_blocks", "cluster_radius_m", "beyond_px"}),
     ("rig", {}, "but", {"motion_exposure_s"}),
+    ("workspace", {}, "only", {"cell_m"}), ("workspace", {"workspace": {"cell_m": 0.02}}, "but", set()),
     ("dataset", {}, "but", {"plan"}), ("dataset", {"dataset": {"plan": "mine.toml"}}, "but", set()),
     ("quality", {}, "but", set()), ("quality", {"surface": {"model": "HAPKE"}}, "but", {"fine_relief"}),
     ("quality", {"surface": {"model": "LAMBERT"}}, "but", set()),

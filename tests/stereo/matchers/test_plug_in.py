@@ -133,15 +133,15 @@ def test_check_reports_them_for_the_window(add, capsys):
 
 def test_a_row_is_computed_again_when_the_source_has_changed(add, tmp_path):
     """Its version need not: who writes a matcher changes it many times."""
-    from icymoon.stereo.evaluate import _method_inputs
+    from icymoon.stereo.evaluate import method_inputs
 
     add("twelve", MATCHER)
     method, = parse_methods("twelve")
-    before = _method_inputs(method)
-    assert before == _method_inputs(method)
+    before = method_inputs(method)
+    assert before == method_inputs(method)
     module, = (tmp_path / "site").glob("*.py")
     module.write_text(MATCHER.replace("12.0", "13.0"), encoding="utf-8")
-    assert before != _method_inputs(method)
+    assert before != method_inputs(method)
     assert "icymoon-test-twelve 1.0" in before
 
 

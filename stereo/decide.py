@@ -1,0 +1,237 @@
+"""Decisions on a lander's workspace from the depths that matchers find, measured against those of the truth.
+
+As ``evaluate``: a row is one method on one pair, is written to the disk at once, and is not computed again.
+"""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import DiskError, IcyMoonError, describe_error
+from ..files import write_json
+from ..physics.random_numbers.seeds import generator
+from ..records import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
+from ..version import version
+from .artefacts import check_output_folder, files_exist, remove_leftovers
+from .decisions import pictures
+from .decisions.reach import has_arm
+from .decisions.report import OPENINGS, write_decisions
+from .decisions.rules import Rules
+from .decisions.workspace import Maps, Workspace, compare, decide, disturb, open_workspace, toward_sun
+from .evaluate import digest_of, method_inputs
+from .images.image_files import write_bytes, write_png
+from .matchers import match
+from .matchers.methods import Method
+from .matchers.resident_process import stop_residents
+from .measure.prepare import Prepared
+from .measure.result_row import depth_of
+from .measure_pair import search_ranges
+from .report.by_setting import scene_of
+from .report.row_log import Row, RowLog
+from .sources import Source, check_response, find_sources
+
+Event = Callable[[dict[str, Any]], None]
+
+#: Version of the decisions: increased when the same input gives other numbers.
+DECISIONS = 1
+#: The row of the truth's own depth: what the rules, the cells and unseen ground alone cost.
+TRUE_DEPTH = "true depth"
+_LOG = "decisions.jsonl"
+_ROW: dict[str, Shape] = {"status": TEXT, "error": TEXT, "numbers": Maybe(TABLE, null=True), "images": Each(TEXT, TEXT)}
+_FACTS = {"pair": FILE_NAME, "scene": TEXT, "key": TEXT, "images": Each(TEXT, TEXT), "sun_elevation_deg": NUMBER}
+
+
+@dataclass(frozen=True)
+class PoseError:
+    """Standard deviations, per axis, of what the lander knows of its camera's place and direction."""
+
+    mm: float = 0.0
+    deg: float = 0.0
+
+
+EXACT = PoseError()
+
+
+@dataclass(frozen=True)
+class _Run:
+    methods: Sequence[Method]
+    out: Path
+    response: Mapping[str, Mapping[str, Any]]
+    rules: Rules
+    cell_m: float | None
+    pose: PoseError
+    seed: int
+
+
+def decide_pairs(paths: Sequence[Path], methods: Sequence[Method], out: Path, rules: Rules,
+                 response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None,
+                 cell_m: float | None = None, pose: PoseError = EXACT, seed: int = 0) -> dict[str, Any]:
+    """Measure decisions on all pairs at ``paths`` by all methods and by the true depth; return ``decisions.json``.
+
+    Writes to ``out``: ``decisions.jsonl`` (each row at once), then ``decisions.csv``, ``decisions.json`` and
+    ``decisions.html``; for each pair, in ``pairs/<pair>/``, the elevation models as GeoTIFF and npy, suitability maps
+    as npy, and pictures. ``cell_m``: see ``workspace.open_workspace``. ``on_event``: see ``evaluate``.
+
+    Raises IcyMoonError if there is no pair, or if ``out`` contains files that this did not write.
+    """
+    sources = find_sources(paths)
+    check_response(sources, response or {})
+    names = [source.name for source in sources]
+    check_output_folder(out, names, OPENINGS)
+    remove_leftovers(out)
+    run = _Run(methods, out, dict(response or {}), rules, cell_m, pose, seed)
+    log = RowLog(out / _LOG, _ROW)
+    labels = [TRUE_DEPTH, *(method.label for method in methods)]
+    failed: list[dict[str, Any]] = []
+    done, total = 0, len(sources) * len(labels)
+    try:
+        for source in sources:
+            for row in _rows_of(source, run, log):
+                done += 1
+                if row["error"]:
+                    failed.append({"pair": row["pair"], "method": row["method"], "message": row["error"]})
+                    on_event({"type": "error", "message": row["error"]})
+                on_event({"type": "progress", "fraction": done / total, "done": done, "total": total,
+                          "message": f"{row['pair']} {row['method']}"})
+    finally:
+        stop_residents()
+    log.compact((name, label) for name in names for label in labels)
+    facts = [found for name in names if (found := _read_facts(out, name)) is not None]
+    return write_decisions(out, [log.read(name, label) for name in names for label in labels], facts, labels, rules,
+                           failed, {"source": ", ".join(str(path.resolve()) for path in paths), "seed": seed,
+                                    "pose_error": {"mm": pose.mm, "deg": pose.deg}})
+
+
+def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
+    """The rows of a pair; those that are missing are made, and written to the log."""
+    content = digest_of([*source.content(), run.response, run.rules.to_json(), run.cell_m, run.pose.mm, run.pose.deg,
+                         run.seed, DECISIONS, version()])
+    keys = {TRUE_DEPTH: content} | {m.label: digest_of([content, method_inputs(m)]) for m in run.methods}
+    there = {label: row for label, key in keys.items() if (row := log.find(source.name, label, key))
+             and row["status"] != "failed" and files_exist(row, run.out, source.name)}
+    facts = _read_facts(run.out, source.name)
+    if len(there) == len(keys) and facts and facts["key"] == content and files_exist(facts, run.out, source.name):
+        yield from there.values()
+        return
+    try:
+        workspace = open_workspace(source.prepare(run.response), run.rules, run.cell_m)
+        _write_facts(workspace, run.out, content)
+    except DiskError:
+        raise
+    except Exception as error:
+        for label, key in keys.items():
+            yield _logged(log, _failed(source.name, label, key, describe_error(error, source.folder)))
+        return
+    random = generator(run.seed, "pose", int(digest_of(source.name), 16) % 2 ** 32)
+    pose = disturb(workspace.pose, run.pose.mm, run.pose.deg, random)
+    for label, key in keys.items():
+        if label in there:
+            yield there[label]
+            continue
+        method = next((each for each in run.methods if each.label == label), None)
+        try:
+            row = {"pair": source.name, "method": label, "key": key, "status": _status(workspace.prepared), "error": "",
+                   **_decide(workspace, method, pose, run.out)}
+        except DiskError:
+            raise
+        except Exception as error:
+            row = _failed(source.name, label, key, describe_error(error, f"{source.folder} by {label}"))
+        yield _logged(log, row)
+
+
+def _status(prepared: Prepared) -> str:
+    return "ok" if prepared.check.ok else "suspect"
+
+
+def _logged(log: RowLog, row: Row) -> Row:
+    log.append(row)
+    return row
+
+
+def _failed(pair: str, label: str, key: str, message: str) -> Row:
+    return {"pair": pair, "method": label, "key": key, "status": "failed", "error": message, "numbers": None,
+            "images": {}}
+
+
+def _decide(workspace: Workspace, method: Method | None, pose: np.ndarray, out: Path) -> dict[str, Any]:
+    """The numbers and files of a method; of the true depth without one."""
+    start = time.process_time()
+    depth, matching = workspace.prepared.truth, 0.0
+    if method is not None:
+        depth, matching = _match(workspace, method)
+    matched = time.process_time()
+    found = decide(workspace, depth, pose)
+    numbers = compare(workspace, found)
+    spent = time.process_time() - (matched if method is not None else start)
+    numbers["cpu_s"] = {"match": matching, "decide": spent}
+    return {"numbers": numbers, "images": _write_maps(workspace, found, numbers, out,
+                                                      method.file_name if method else "true_depth")}
+
+
+def _match(workspace: Workspace, method: Method) -> tuple[np.ndarray, float]:
+    """The depth of a method, and the processor seconds that it took."""
+    prepared = workspace.prepared
+    shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
+    disparity, _, info = match(method.name, prepared.left, prepared.right, method.options, prepared.pair.camera,
+                               search_ranges(prepared, shared))
+    return depth_of(prepared, disparity), float(info["seconds"])
+
+
+def _write_maps(workspace: Workspace, found: Maps, numbers: Mapping[str, Any], out: Path, name: str) -> dict[str, str]:
+    """Write elevation model, suitability and pictures of a method; return their paths relative to ``out``."""
+    folder = out / "pairs" / workspace.pair.name
+    site, grid = workspace.rules.site, workspace.grid
+    chosen = numbers["sites"]["chosen"]
+    drawn = {"outcome": pictures.outcome_picture(workspace, found), "error": pictures.error_picture(workspace, found)}
+    for kind, picture in drawn.items():
+        write_png(folder / f"{name}_{kind}.png",
+                  pictures.with_ring(picture, chosen, found.dem.height_m.shape, site.disc_m, grid.cell_m))
+    write_bytes(folder / f"{name}_dem.tif", found.dem.geotiff())
+    for kind, values in (("dem", found.dem.height_m), ("suitability", found.sites.margin), ("pads", found.pads)):
+        write_bytes(folder / f"{name}_{kind}.npy", _npy(values))
+    files = {kind: f"{name}_{kind}.png" for kind in drawn} | {"tif": f"{name}_dem.tif"} | {
+        kind: f"{name}_{kind}.npy" for kind in ("dem", "suitability", "pads")}
+    return {kind: (folder / file).relative_to(out).as_posix() for kind, file in files.items()}
+
+
+def _npy(values: np.ndarray) -> bytes:
+    stream = io.BytesIO()
+    np.save(stream, values.astype(np.float32) if values.dtype.kind == "f" else values, allow_pickle=False)
+    return stream.getvalue()
+
+
+def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
+    """Write the facts of a pair, its left image and the truth's maps."""
+    prepared, truth = workspace.prepared, workspace.truth
+    name = workspace.pair.name
+    folder = out / "pairs" / name
+    write_png(folder / "left.png", prepared.left)
+    write_png(folder / "truth_sites.png", pictures.code_picture(truth, workspace.reached))
+    write_bytes(folder / "truth_dem.tif", truth.dem.geotiff())
+    write_bytes(folder / "truth_dem.npy", _npy(truth.dem.height_m))
+    write_bytes(folder / "truth_suitability.npy", _npy(truth.sites.margin))
+    files = {"left": "left.png", "truth": "truth_sites.png", "truth_tif": "truth_dem.tif", "truth_dem": "truth_dem.npy",
+             "truth_suitability": "truth_suitability.npy"}
+    grid, up = workspace.grid, float(toward_sun(workspace.pair)[2])
+    write_json(folder / "decisions.json", {
+        "pair": name, "scene": scene_of(prepared.facts), "key": key, "exact": workspace.exact,
+        "arm": has_arm(workspace.pair.settings),
+        "cell_m": grid.cell_m, "rows": grid.rows, "columns": grid.columns, "origin_m": [grid.west_m, grid.north_m],
+        "sun_elevation_deg": float(np.degrees(np.arcsin(np.clip(up, -1, 1)))),
+        "height_px": int(prepared.left.shape[0]), "suspect": not prepared.check.ok,
+        "images": {kind: (folder / file).relative_to(out).as_posix() for kind, file in files.items()}})
+
+
+def _read_facts(out: Path, pair: str) -> dict[str, Any] | None:
+    try:
+        found: dict[str, Any] = read_record(out / "pairs" / pair / "decisions.json", _FACTS, "decide again")
+    except (OSError, IcyMoonError):
+        return None
+    return found

@@ -1,0 +1,124 @@
+"""Elevation models of a workspace: heights on square cells in the site's frame, north up, and how far off they are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...formats.tiff_write import Place, encode_tiff
+from ...render.pairs.pair_folder import StereoCamera
+
+#: From as many points on, a cell's height is known: a median of fewer is no better than one flying point.
+FEWEST_POINTS = 3
+#: From the median absolute deviation to the standard deviation of a normal distribution.
+_NORMAL = 1.4826
+_FRAME = "Icy Moon site frame: x east, y north, z up, metres"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Square cells, row 0 northernmost: their side, how many, and the outer corner of the north-west one, metres."""
+
+    cell_m: float
+    rows: int
+    columns: int
+    west_m: float
+    north_m: float
+
+    def centres(self) -> tuple[np.ndarray, np.ndarray]:
+        """East and north (rows, columns) of the centres of the cells, metres."""
+        east = self.west_m + (np.arange(self.columns) + 0.5) * self.cell_m
+        north = self.north_m - (np.arange(self.rows) + 0.5) * self.cell_m
+        return tuple(np.meshgrid(east, north))  # type: ignore[return-value]
+
+    def cells_of(self, position_m: np.ndarray) -> np.ndarray:
+        """The number of the cell, row by row, of each point (n, 2 or 3); -1 outside."""
+        column = np.floor((position_m[:, 0] - self.west_m) / self.cell_m)
+        row = np.floor((self.north_m - position_m[:, 1]) / self.cell_m)
+        inside = (column >= 0) & (column < self.columns) & (row >= 0) & (row < self.rows)
+        return np.where(inside, np.where(inside, row, 0) * self.columns + np.where(inside, column, 0), -1).astype(
+            np.intp)
+
+
+@dataclass(frozen=True)
+class Dem:
+    """Heights (rows, columns) float64 in metres, NaN where fewer than ``FEWEST_POINTS`` points fell, and their
+    numbers."""
+
+    grid: Grid
+    height_m: np.ndarray
+    points: np.ndarray
+
+    @property
+    def known(self) -> np.ndarray:
+        """Boolean (rows, columns): the height is known."""
+        return np.isfinite(self.height_m)
+
+    def geotiff(self) -> bytes:
+        """The heights as the bytes of a GeoTIFF in the site's frame."""
+        grid = self.grid
+        return encode_tiff(self.height_m.astype(np.float32), Place(grid.cell_m, grid.west_m, grid.north_m, _FRAME))
+
+
+def points_of(depth_m: np.ndarray, camera: StereoCamera, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) in the site's frame of the pixels of a planar depth (H, W) that are known, and their flat indices.
+
+    ``pose`` (4, 4) leads from the eye of the parallel rig, in OpenCV's axes, to the site.
+    """
+    index = np.flatnonzero(np.isfinite(depth_m))
+    row, column = np.divmod(index, depth_m.shape[1])
+    rays = np.stack([(column + 0.5 - camera.cx_px) / camera.focal_px, (row + 0.5 - camera.cy_px) / camera.focal_px,
+                     np.ones(len(index))], axis=1)
+    return (rays * depth_m.ravel()[index, None]) @ pose[:3, :3].T + pose[:3, 3], index
+
+
+def grid_points(position_m: np.ndarray, grid: Grid, fewest: int = FEWEST_POINTS) -> Dem:
+    """The median height of the points (n, 3) in each cell; a median, because matchers leave flying points at edges."""
+    cell = grid.cells_of(position_m)
+    inside = cell >= 0
+    cell, height = cell[inside], position_m[inside, 2]
+    order = np.lexsort((height, cell))
+    cell, height = cell[order], height[order]
+    count = np.bincount(cell, minlength=grid.rows * grid.columns)
+    start = np.cumsum(count) - count
+    median = np.full(len(count), np.nan)
+    some = count >= max(1, fewest)
+    low, high = start[some] + (count[some] - 1) // 2, start[some] + count[some] // 2
+    median[some] = (height[low] + height[high]) / 2
+    shape = grid.rows, grid.columns
+    return Dem(grid, median.reshape(shape), count.reshape(shape))
+
+
+def mean_by_cell(position_m: np.ndarray, values: np.ndarray, grid: Grid) -> np.ndarray:
+    """The mean of values (n,) over the points of each cell, NaN where there is none."""
+    cell = grid.cells_of(position_m)
+    inside = cell >= 0
+    count = np.bincount(cell[inside], minlength=grid.rows * grid.columns)
+    total = np.bincount(cell[inside], values[inside].astype(np.float64), minlength=len(count))
+    return np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0).reshape(grid.rows, grid.columns)
+
+
+def height_errors(found: Dem, truth_m: np.ndarray, over: np.ndarray) -> dict[str, float | None]:
+    """Errors of the heights of the cells that are true in ``over``, metres; None where no cell is known.
+
+    ``bias_m`` mean, ``rmse_m``, ``nmad_m`` 1.4826 times the median distance from the median, ``le90_m`` the 90th
+    percentile of the absolute error (Höhle and Höhle 2009, ISPRS J. 64), ``completeness`` the share that is known.
+    """
+    wanted = over & np.isfinite(truth_m)
+    error = (found.height_m - truth_m)[wanted]
+    known = error[np.isfinite(error)]
+    share = known.size / error.size if error.size else None
+    if not known.size:
+        return {"bias_m": None, "rmse_m": None, "nmad_m": None, "le90_m": None, "completeness": share}
+    spread = _NORMAL * np.median(np.abs(known - np.median(known)))
+    return {"bias_m": float(known.mean()), "rmse_m": float(np.sqrt((known ** 2).mean())), "nmad_m": float(spread),
+            "le90_m": float(np.quantile(np.abs(known), 0.9)), "completeness": share}
+
+
+def grid_of(stated: Mapping[str, Any]) -> Grid:
+    """The grid of the entry ``workspace`` of a ``pair.json``."""
+    (rows, columns), (west, north) = stated["shape"], stated["origin_m"]
+    return Grid(float(stated["cell_m"]), int(rows), int(columns), float(west), float(north))

@@ -1,0 +1,80 @@
+"""What lies under a round footprint that is centred on each cell of an elevation model: slope, roughness, shares.
+
+Planes are fitted by least squares to the known cells of the footprint, from sums that are filters of the heights. The
+coordinates of these sums are centred on the footprint, so nothing cancels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+#: Fewest known cells of a footprint through which a plane is fitted.
+_FEWEST = 4
+#: The least determinant of the spread of the cells, over the square of its trace: through a line goes no one plane.
+_LINE = 1e-6
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Least-squares planes under the footprints: arrays (rows, columns), NaN where there is none."""
+
+    slope_deg: np.ndarray
+    roughness_m: np.ndarray  # root mean square distance of the heights from the plane, along z
+    middle_m: np.ndarray  # height of the plane in the middle of the footprint
+
+
+def disc(diameter_m: float, cell_m: float) -> np.ndarray:
+    """Cells, 1.0 or 0.0, of a disc on a square of an odd number of cells; its centre always is."""
+    reach = max(0, int(np.floor(diameter_m / 2 / cell_m + 1e-9)))
+    north, east = np.mgrid[-reach:reach + 1, -reach:reach + 1] * cell_m
+    return np.asarray((east ** 2 + north ** 2 <= (diameter_m / 2) ** 2 * (1 + 1e-9)), np.float64)
+
+
+def sums(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """The sum of values (rows, columns) under the footprint ``weights`` around each cell; beyond the border is 0."""
+    return np.asarray(cv2.filter2D(values.astype(np.float64), cv2.CV_64F, weights, borderType=cv2.BORDER_CONSTANT))
+
+
+def fit_planes(height_m: np.ndarray, cell_m: float, diameter_m: float) -> Planes:
+    """The planes under discs of a diameter, through the heights that are not NaN."""
+    shape = disc(diameter_m, cell_m)
+    reach = shape.shape[0] // 2
+    v, u = np.mgrid[-reach:reach + 1, -reach:reach + 1] * cell_m  # row 0 is north: v points south, slopes do not care
+    known = np.isfinite(height_m)
+    middle = float(np.mean(height_m[known])) if known.any() else 0.0
+    mask, z = known.astype(np.float64), np.where(known, height_m - middle, 0.0)
+    n, su, sv, suu, suv, svv = (sums(mask, shape * each) for each in (1.0, u, v, u * u, u * v, v * v))
+    sz, suz, svz, szz = (*(sums(z, shape * each) for each in (1.0, u, v)), sums(z * z, shape))
+    count = np.maximum(n, 1.0)
+    cuu, cuv, cvv = suu - su * su / count, suv - su * sv / count, svv - sv * sv / count
+    cuz, cvz, czz = suz - su * sz / count, svz - sv * sz / count, szz - sz * sz / count
+    determinant = cuu * cvv - cuv * cuv
+    fits = (np.rint(n) >= _FEWEST) & (determinant > _LINE * (cuu + cvv) ** 2)
+    safe = np.where(fits, determinant, 1.0)
+    a, b = (cuz * cvv - cvz * cuv) / safe, (cvz * cuu - cuz * cuv) / safe
+    residual = np.maximum(czz - a * cuz - b * cvz, 0.0)
+    at_centre = (sz - a * su - b * sv) / count + middle
+    return Planes(*(np.where(fits, each, np.nan) for each in (
+        np.degrees(np.arctan(np.hypot(a, b))), np.sqrt(residual / count), at_centre)))
+
+
+def share_under(mask: np.ndarray, cell_m: float, diameter_m: float, among: np.ndarray | None = None) -> np.ndarray:
+    """The share of the cells under each footprint where ``mask`` is true, or its mean value; of those ``among`` if
+    given, NaN where there is none. Cells beyond the border count as false."""
+    shape = disc(diameter_m, cell_m)
+    if among is None:
+        return np.clip(sums(mask.astype(np.float64), shape) / shape.sum(), 0.0, 1.0)
+    count = np.rint(sums(among.astype(np.float64), shape))
+    total = sums(np.where(among, mask, 0.0), shape)
+    return np.clip(np.divide(total, count, out=np.full(count.shape, np.nan), where=count > 0), 0.0, 1.0)
+
+
+def distance_to(mask: np.ndarray, cell_m: float) -> np.ndarray:
+    """The distance of each cell's centre to the nearest cell where ``mask`` is true, metres; infinite if none is."""
+    if not mask.any():
+        return np.full(mask.shape, np.inf)
+    free = (~mask).astype(np.uint8)
+    return np.asarray(cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE), np.float64) * cell_m

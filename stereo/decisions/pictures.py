@@ -1,0 +1,66 @@
+"""Maps of decisions as pictures, north up."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from .workspace import Maps, Workspace
+
+#: What became of a cell: its name and its RGB colour, distinct for colour-blind eyes.
+OUTCOMES = (("safe and taken for safe", (0, 158, 115)), ("unsafe, but taken for safe", (213, 60, 0)),
+            ("safe, but lost", (240, 200, 66)), ("unsafe and known as that", (111, 127, 143)),
+            ("out of reach or beyond the map", (205, 211, 218)))
+#: The same of a map by itself: safe, and the rule that fails first.
+CODES = (("safe", (0, 158, 115)), ("not known", (60, 66, 74)), ("too steep", (192, 105, 160)),
+         ("too rough", (213, 94, 0)), ("a rock too near", (120, 70, 40)), ("out of reach", (205, 211, 218)),
+         ("in shadow", (42, 90, 160)))
+#: Height errors from blue (too low) over white to red (too high); full colours at so many metres.
+FULL_M = 0.05
+_LOW, _RIGHT, _HIGH, _UNKNOWN = (0x2B, 0x5F, 0xC4), (0xF4, 0xF4, 0xF4), (0xC4, 0x2B, 0x2B), (150, 150, 150)
+#: Side of a picture, pixels, about.
+_SIDE_PX = 360
+
+
+def outcome_picture(workspace: Workspace, found: Maps) -> np.ndarray:
+    """BGR picture of what became of each cell, with the chosen site as a ring."""
+    safe, taken = workspace.truth.sites.safe, found.sites.safe
+    code = np.select([~(workspace.reached & workspace.truth.dem.known), safe & taken, taken, safe], [4, 0, 1, 2], 3)
+    return _enlarged(_coloured(code, OUTCOMES))
+
+
+def code_picture(maps: Maps, inside: np.ndarray) -> np.ndarray:
+    """BGR picture of which cells are safe, and why others are not; cells beyond ``inside`` are out of reach."""
+    return _enlarged(_coloured(np.where(inside, maps.sites.failed, 5), CODES))
+
+
+def error_picture(workspace: Workspace, found: Maps) -> np.ndarray:
+    """BGR picture of the height error of each cell: red too high, blue too low, grey not known."""
+    error = found.dem.height_m - workspace.truth.dem.height_m
+    amount = np.clip(np.abs(np.nan_to_num(error)) / FULL_M, 0, 1)[..., None]
+    end = np.where((np.nan_to_num(error) > 0)[..., None], _HIGH, _LOW)
+    rgb = np.rint(_RIGHT + amount * (end - np.array(_RIGHT)))
+    return _enlarged(np.where(np.isnan(error)[..., None], _UNKNOWN, rgb).astype(np.uint8)[..., ::-1])
+
+
+def with_ring(picture: np.ndarray, place: list[int] | None, shape: tuple[int, ...], disc_m: float,
+              cell_m: float) -> np.ndarray:
+    """The picture with a ring around the site at a row and column of a map of this ``shape``; itself without one."""
+    if place is None:
+        return picture
+    scale = picture.shape[0] / shape[0]
+    centre = round((place[1] + 0.5) * scale), round((place[0] + 0.5) * scale)
+    radius = max(4, round(disc_m / 2 / cell_m * scale))
+    ringed = picture.copy()
+    for colour, width in (((255, 255, 255), 5), ((20, 20, 20), 2)):
+        cv2.circle(ringed, centre, radius, colour, width, cv2.LINE_AA)
+    return ringed
+
+
+def _coloured(code: np.ndarray, classes: tuple[tuple[str, tuple[int, int, int]], ...]) -> np.ndarray:
+    return np.array([rgb[::-1] for _, rgb in classes], np.uint8)[code]
+
+
+def _enlarged(picture: np.ndarray) -> np.ndarray:
+    factor = max(1, _SIDE_PX // max(picture.shape[:2]))
+    return np.repeat(np.repeat(picture, factor, axis=0), factor, axis=1)

@@ -1,0 +1,30 @@
+"""How far the joints of the lander's arm are from their limits with its scoop on each cell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...physics.arm.parametric import arm_of, find_joint_margin
+from ...typed_settings import Settings
+
+#: Margin of every joint while nothing states an arm: more than any rule asks for.
+_ANYWHERE_DEG = 180.0
+
+
+def has_arm(settings: Settings) -> bool:
+    """Whether the settings state an arm, so that some ground is out of its reach."""
+    return settings.lander.kind != "NONE"
+
+
+def find_margins(settings: Settings, site_m: float, east_m: np.ndarray, north_m: np.ndarray,
+                 height_m: np.ndarray) -> np.ndarray:
+    """The smallest distance of a joint to its limit, degrees (rows, columns); NaN out of reach or of unknown height.
+
+    ``site_m`` is the height of the ground under the left camera, on which the lander stands.
+    """
+    known = np.isfinite(height_m)
+    found = np.full(height_m.shape, np.nan)
+    found[known] = (np.degrees(find_joint_margin(arm_of(settings, site_m), east_m[known], north_m[known],
+                                                 height_m[known]))
+                    if has_arm(settings) else _ANYWHERE_DEG)
+    return found

@@ -1,0 +1,276 @@
+"""Writing decisions: JSON, CSV, and a page with what an engineer asks first, tables, ROC curves and maps."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import matplotlib
+import numpy as np
+
+from ...files import escape_cell, read_text, write_json, write_text
+from ...version import version
+from ..matchers import TITLES
+from ..report import comparisons
+from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg
+from ..report.pictures import embed_picture
+from ..report.scene_intervals import intervals, scene_means
+from ..report.table_columns import Column, format_interval, format_number
+from . import pictures
+from .rules import SHIPPED, Rules
+from .scores import ROC_AT
+
+FORMAT = "icymoon-decisions"
+VERSION = 1
+#: The files beside ``pairs/``, and how each begins.
+OPENINGS = {"decisions.jsonl": b'{"pair": ', "decisions.csv": b"pair,method,status,",
+            "decisions.json": b'{\n "format": "icymoon-decisions',
+            "decisions.html": b'<!DOCTYPE html>\n<html lang="en">\n<head>\n'}
+#: Most pairs whose maps the page contains.
+MOST_PAIRS = 12
+_MM = 1000.0
+#: The numbers of a row, by their path in it: the columns of the tables.
+DEM = (Column("dem.bias_m", "Bias", "mm", 1, "mean height error of the cells in reach that the left image shows"),
+       Column("dem.rmse_m", "RMSE", "mm", 1, "root mean square height error"),
+       Column("dem.nmad_m", "NMAD", "mm", 1, "1.4826 times the median distance from the median error"),
+       Column("dem.le90_m", "LE90", "mm", 1, "90 % of the heights are this near to the truth"),
+       Column("dem.completeness", "Known", "%", 1, "share of these cells with a height"),
+       Column("dem.reached_completeness", "of all in reach", "%", 1, "share of all cells in reach with a height"),
+       Column("dem.slope_rmse_deg", "Slope", "°", 2, "root mean square error of the slope under the footprint"),
+       Column("dem.roughness_rmse_m", "Roughness", "mm", 1, "root mean square error of the roughness"))
+SITES = (Column("sites.taken", "Taken", "%", 1, "share of the cells in reach that are taken for safe"),
+         Column("sites.false_safe", "of these unsafe", "%", 1, "of the cells taken for safe, those that are not"),
+         Column("sites.safe_lost", "Safe lost", "%", 1, "of the safe cells, those that are not taken"),
+         Column("sites.average_precision", "AP", "", 2, "average precision of the margin; a coin has the base rate"),
+         Column("sites.roc_area", "ROC area", "", 2, "area under the ROC curve; 0.5 for a coin"),
+         Column("sites.regret", "Regret", "", 2, "margin of the best site less that of the chosen one; 1 if unsafe"),
+         Column("sites.unsafe_choice", "Choice unsafe", "%", 0, "pairs where the chosen site is not safe"),
+         Column("sites.no_site", "None chosen", "%", 0, "pairs where none is chosen although there is one"))
+OTHERS = (Column("pads.false_safe", "Pads: unsafe", "%", 1, "of the places taken for safe, those that are not"),
+          Column("pads.safe_lost", "Pads: lost", "%", 1, "of the places safe for a pad, those that are not taken"),
+          Column("cpu_s.match", "Matching", "s", 2, "processor seconds a pair"),
+          Column("cpu_s.decide", "Decisions", "s", 3, "processor seconds a pair"))
+COLUMNS = (*DEM, *SITES, *OTHERS)
+#: By what methods are compared; less is better but for those of _MORE.
+_COMPARED = ("sites.false_safe", "sites.safe_lost", "sites.average_precision", "dem.rmse_m")
+_MORE = ("sites.average_precision",)
+
+
+def value_of(row: Mapping[str, Any], column: Column) -> float:
+    """The number of a row, NaN where it is undefined."""
+    table, _, key = column.key.partition(".")
+    numbers = row["numbers"]
+    value = None if numbers is None else numbers.get(table, {}).get(key)
+    return math.nan if value is None else float(value)
+
+
+def write_decisions(out: Path, rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]],
+                    labels: Sequence[str], rules: Rules, failed: Sequence[Mapping[str, Any]],
+                    provenance: Mapping[str, Any]) -> dict[str, Any]:
+    """Write ``decisions.csv``, ``.json`` and ``.html``; return what is in the JSON.
+
+    ``rows`` are of all pairs by all ``labels``, pair by pair. Pairs that contradict themselves count in no mean.
+    """
+    summary = summarise(rows, facts, labels)
+    found = compare_methods(rows, facts, labels, int(provenance["seed"]))
+    report = {"format": FORMAT, "version": VERSION, "head": head_sentences(summary, facts), "summary": summary,
+              "comparisons": found, "rules": rules.to_json(), "failed": list(failed), "notes": find_notes(rows, facts),
+              "provenance": {**provenance, "icymoon": version(), "created": datetime.now(UTC).isoformat(" ", "seconds"),
+                             "intervals": "95 %, Student's t over scenes"},
+              "rows": list(rows)}
+    write_text(out / "decisions.csv", _csv_text(rows))
+    write_json(out / "decisions.json", report)
+    write_text(out / "decisions.html", _page(report, rows, facts, labels, rules, out))
+    return report
+
+
+def _matrix(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], label: str
+            ) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers (pairs, columns) of a method on the pairs that count, and the scene of each."""
+    scene_of = {fact["pair"]: fact["scene"] for fact in facts}
+    own = [row for row in rows if row["method"] == label and row["status"] == "ok" and row["pair"] in scene_of]
+    names = sorted({scene_of[row["pair"]] for row in own})
+    values = np.array([[value_of(row, column) for column in COLUMNS] for row in own]).reshape(-1, len(COLUMNS))
+    return values, np.array([names.index(scene_of[row["pair"]]) for row in own], np.intp)
+
+
+def summarise(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]],
+              labels: Sequence[str]) -> list[dict[str, Any]]:
+    """A table per method: means over pairs by column, their 95 % ``intervals`` over scenes, ``pairs``, ``scenes``,
+    the mean ``base_rate`` and the mean ``roc`` curve."""
+    result = []
+    for label in labels:
+        values, scenes = _matrix(rows, facts, label)
+        own = [row["numbers"]["sites"] for row in rows if row["method"] == label and row["status"] == "ok"]
+        curves = [each["roc"] for each in own if each["roc"] is not None]
+        rates = [each["base_rate"] for each in own if each["base_rate"] is not None]
+        defined = ~np.isnan(values)
+        means = np.divide(np.where(defined, values, 0.0).sum(axis=0), defined.sum(axis=0),
+                          out=np.full(len(COLUMNS), np.nan), where=defined.any(axis=0))
+        bounds = intervals(values, scenes) if len(values) else np.full((len(COLUMNS), 2), np.nan)
+        result.append({"method": label, "pairs": len(values), "scenes": len(np.unique(scenes)),
+                       "base_rate": float(np.mean(rates)) if rates else None,
+                       "roc": np.mean(curves, axis=0).tolist() if curves else None,
+                       "chosen": int(sum(each["chosen"] is not None for each in own)),
+                       "unsafe_chosen": int(sum(each["unsafe_choice"] == 1 for each in own)),
+                       **{column.key: _none(means[k]) for k, column in enumerate(COLUMNS)},
+                       "intervals": {column.key: [_none(bound) for bound in bounds[k]]
+                                     for k, column in enumerate(COLUMNS)}})
+    return result
+
+
+def _none(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def compare_methods(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], labels: Sequence[str],
+                    seed: int) -> list[dict[str, Any]]:
+    """Which matchers differ by a decision: paired over scenes, as one family for each number, see
+    ``report.comparisons``. Only what was found, the better one first."""
+    matchers = list(labels[1:])
+    chosen = comparisons.pairs_of(len(matchers))
+    scene_of = {fact["pair"]: fact["scene"] for fact in facts}
+    found: list[dict[str, Any]] = []
+    if not chosen:
+        return found
+    for key in _COMPARED:
+        column = next(each for each in COLUMNS if each.key == key)
+        of = {(row["pair"], row["method"]): value_of(row, column) for row in rows if row["status"] == "ok"}
+        pairs = sorted(scene_of, key=lambda pair: scene_of[pair])
+        scenes = np.unique([scene_of[pair] for pair in pairs], return_inverse=True)[1]
+        values = np.array([[of.get((pair, a), math.nan) - of.get((pair, b), math.nan) for a, b in (
+            (matchers[i], matchers[j]) for i, j in chosen)] for pair in pairs]).reshape(len(pairs), len(chosen))
+        if not len(values):
+            continue
+        family = comparisons.compare(scene_means(values, scenes), seed)
+        for k, (i, j) in enumerate(chosen):
+            if family.found[k]:
+                first = (family.mean[k] < 0) != (key in _MORE)
+                found.append({"metric": key, "better": matchers[i if first else j],
+                              "worse": matchers[j if first else i], "difference": abs(float(family.mean[k])),
+                              "p": float(family.p[k]), "scenes": int(family.scenes[k])})
+    return found
+
+
+def head_sentences(summary: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What an engineer asks first, a sentence per method, and only what the numbers carry."""
+    heights = sorted({round(float(fact["sun_elevation_deg"])) for fact in facts})
+    sun = "" if not heights else (f", with the Sun at {heights[0]}°" if len(heights) == 1 else
+                                  f", with the Sun at {heights[0]}° to {heights[-1]}°")
+    return [sentence for entry in summary if (sentence := _head(entry, sun))]
+
+
+def _head(entry: Mapping[str, Any], sun: str) -> str:
+    if not entry["pairs"]:
+        return ""
+    name = TITLES.get(entry["method"], entry["method"])
+    scenes = f"{entry['scenes']} scene{'' if entry['scenes'] == 1 else 's'}"
+    lost = entry["sites.safe_lost"]
+    unsafe = entry["sites.false_safe"]
+    if unsafe is None:
+        return f"With {name}{sun}, no site looks safe on {scenes}."
+    return (f"With {name}{sun}, {_of_100(unsafe)} of 100 sites that look safe are not"
+            f"{'' if lost is None else f', and {_of_100(lost)} of 100 safe ones are lost'}; the site that it would "
+            f"choose is unsafe in {entry['unsafe_chosen']} of {entry['chosen']} pairs ({scenes}).")
+
+
+def _of_100(share: float) -> str:
+    return f"{100 * share:.0f}" if share == 0 or share >= 0.005 else "fewer than 1"
+
+
+def find_notes(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Sentences on what limits the numbers."""
+    notes = []
+    unseen = sum(not fact["exact"] for fact in facts)
+    if unseen:
+        notes.append(f"{unseen} of {len(facts)} pairs contain no true heights (workspace.cell_m is 0), so their truth "
+                     "is the true depth of both eyes: ground that neither eye sees is not known, and counts nowhere.")
+    suspect = sorted({row["pair"] for row in rows if row["status"] == "suspect"})
+    if suspect:
+        notes.append(f"{len(suspect)} pairs contradict themselves and count in no mean: {', '.join(suspect[:5])}.")
+    if not all(fact.get("arm") for fact in facts):
+        notes.append("No arm is stated, so all ground is taken for ground in reach.")
+    scenes = len({fact["scene"] for fact in facts})
+    if scenes < comparisons.FEWEST_SCENES:
+        notes.append(f"With {scenes} scenes no difference between matchers can be shown; it takes "
+                     f"{comparisons.FEWEST_SCENES}.")
+    return notes
+
+
+def _csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["pair", "method", "status", "base_rate", *(column.key for column in COLUMNS)])
+    for row in rows:
+        rate = row["numbers"]["sites"]["base_rate"] if row["numbers"] else None
+        numbers = [value_of(row, column) for column in COLUMNS]
+        writer.writerow([row["pair"], escape_cell(row["method"]), row["status"], "" if rate is None else f"{rate:.6g}",
+                         *("" if math.isnan(number) else f"{number:.6g}" for number in numbers)])
+    return stream.getvalue()
+
+
+def _page(report: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]],
+          labels: Sequence[str], rules: Rules, out: Path) -> str:
+    here = Path(__file__).parent
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader([here, here.parent / "report"]), autoescape=True,
+                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    sources = tomllib.loads(read_text(SHIPPED))["sources"]
+    shipped = {part: tomllib.loads(read_text(SHIPPED))[part] for part in rules.to_json()}
+    stated = [(f"{part}.{key}", value, sources[f"{part}.{key}"] if shipped[part][key] == value else "Stated by --rules")
+              for part, table in rules.to_json().items() for key, value in table.items()]
+    titles = {column.key: column.title for column in COLUMNS}
+    return environment.get_template("decisions.html.j2").render(
+        report=report, groups=(("Sites", SITES), ("Elevation model", DEM), ("Landing pads and cost", OTHERS)),
+        cell=format_cell, bounds=_bounds, titles=titles, roc=_draw_roc(report["summary"]), rules=stated,
+        outcomes=pictures.OUTCOMES, codes=pictures.CODES, full_mm=pictures.FULL_M * _MM,
+        name_of=lambda label: TITLES.get(label, label),
+        pairs=[_pair_section(fact, rows, out) for fact in facts[:MOST_PAIRS]], more=max(0, len(facts) - MOST_PAIRS))
+
+
+def _scaled(entry: Mapping[str, Any], column: Column) -> dict[str, Any]:
+    value = entry[column.key]
+    return {column.key: value * _MM if value is not None and column.unit == "mm" else value}
+
+
+def format_cell(entry: Mapping[str, Any], column: Column) -> str:
+    """The mean of a method as text, in the unit of its column; a dash if it is undefined."""
+    return format_number(_scaled(entry, column), column)
+
+
+def _bounds(entry: Mapping[str, Any], column: Column) -> str:
+    factor = _MM if column.unit == "mm" else 1.0
+    return format_interval([None if bound is None else factor * bound for bound in entry["intervals"][column.key]],
+                           column)
+
+
+def _pair_section(fact: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], out: Path) -> dict[str, Any]:
+    own = [row for row in rows if row["pair"] == fact["pair"] and row["images"]]
+    return {"fact": fact, "left": embed_picture(out / fact["images"]["left"], fact["height_px"], linear=True),
+            "truth": embed_picture(out / fact["images"]["truth"], 10_000),
+            "methods": [{"row": row, "sites": row["numbers"]["sites"],
+                         **{kind: embed_picture(out / row["images"][kind], 10_000) for kind in ("outcome", "error")}}
+                        for row in own]}
+
+
+def _draw_roc(summary: Sequence[Mapping[str, Any]]) -> str:
+    """The mean ROC curves of the methods as SVG."""
+    with matplotlib.rc_context(STYLE):
+        figure, axes = make_figure(1, width=5.2, height=4.2)
+        axis = axes[0, 0]
+        axis.plot([0, 1], [0, 1], color="#999999", linestyle=":", linewidth=1)
+        drawn = [entry for entry in summary if entry["roc"] is not None]
+        for k, entry in enumerate(drawn):
+            truth = entry is summary[0]
+            axis.plot(ROC_AT, entry["roc"], label=entry["method"][:24], linestyle="--" if truth else "-",
+                      color="#6f7f8f" if truth else COLOURS[(k - 1) % len(COLOURS)])
+        axis.set_xlabel("Unsafe cells taken for safe (share)")
+        axis.set_ylabel("Safe cells taken (share)")
+        add_legend(figure, axis, 3)
+        return render_svg(figure, "roc", "ROC curves of the margin, means over pairs")

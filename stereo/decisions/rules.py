@@ -1,0 +1,91 @@
+"""The rules of safe sites and of landing pads: shipped ones with their sources, or those of a user's TOML file."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from ...errors import IcyMoonError
+from ...files import read_text
+from ...suggestions import nearest
+
+SHIPPED = Path(__file__).with_suffix(".toml")
+
+
+@dataclass(frozen=True)
+class SiteRules:
+    """Limits of a safe site, over a disc around it; lengths in metres."""
+
+    disc_m: float
+    slope_deg: float  # at most, of the plane under the disc
+    roughness_m: float  # at most, root mean square distance from that plane
+    rock_height_m: float  # what stands higher above the ground around it is a rock
+    rock_distance_m: float  # at least, to a rock
+    joint_margin_deg: float  # at least, of every joint of the arm to its limit
+    lit_share: float  # at least, of the disc
+    lit_level: float  # share of the median level from which on a pixel is lit
+    known_share: float  # at least, of the cells of the disc
+
+
+@dataclass(frozen=True)
+class PadRules:
+    """Limits of a place for a landing pad; what stands higher than ``rock_height_m`` under it is too high."""
+
+    disc_m: float
+    slope_deg: float
+    rock_height_m: float
+    known_share: float
+
+
+@dataclass(frozen=True)
+class Rules:
+    """All rules."""
+
+    site: SiteRules
+    pad: PadRules
+
+    def to_json(self) -> dict[str, dict[str, float]]:
+        """The rules as tables."""
+        return asdict(self)
+
+
+_PARTS = {"site": SiteRules, "pad": PadRules}
+_SHARES = ("lit_share", "known_share", "lit_level")
+
+
+def read_rules(path: Path | None = None) -> Rules:
+    """The shipped rules, with those of a TOML file in their place. Raises IcyMoonError for one that is none."""
+    tables = _read(SHIPPED)
+    if path is not None:
+        for part, own in _read(path).items():
+            tables[part] |= own
+    return Rules(**{part: kind(**tables[part]) for part, kind in _PARTS.items()})
+
+
+def _read(path: Path) -> dict[str, dict[str, float]]:
+    try:
+        data = tomllib.loads(read_text(path))
+    except (OSError, ValueError) as error:
+        raise IcyMoonError(f"{path} cannot be read as rules ({error}); give a TOML file.") from None
+    data.pop("sources", None)
+    found = {}
+    for part, table in data.items():
+        if part not in _PARTS or not isinstance(table, dict):
+            raise IcyMoonError(f"{path} states {part}, which is no table of rules; use [site] and [pad].")
+        found[part] = {key: _checked(path, part, key, value) for key, value in table.items()}
+    return found
+
+
+def _checked(path: Path, part: str, key: str, value: Any) -> float:
+    names = [field.name for field in fields(_PARTS[part])]
+    if key not in names:
+        raise IcyMoonError(f"{path} states {part}.{key}, which is no rule; {nearest(key, names)}")
+    most = 1.0 if key in _SHARES else 90.0 if key.endswith("_deg") else math.inf
+    number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    if not number or not 0 < value <= most:
+        raise IcyMoonError(f"{path}: {part}.{key} is {value!r}; give a number above 0"
+                           f"{'' if most == math.inf else f' and at most {most:g}'}.")
+    return float(value)

@@ -1,0 +1,75 @@
+"""A map of decisions against the truth's: what is right, what is dangerous, and what it costs.
+
+Cells of one map are not independent: intervals are over scenes, see ``report.scene_intervals``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .sites import Sites, choose
+
+#: The shares of unsafe cells taken for safe at which a ROC curve is given.
+ROC_AT = tuple(float(each) for each in np.linspace(0, 1, 51))
+#: The numbers of ``score_sites`` in this order.
+NUMBERS = ("base_rate", "taken", "precision", "recall", "average_precision", "roc_area", "false_safe", "safe_lost",
+           "regret", "unsafe_choice", "no_site")
+
+
+def score_sites(found: Sites, truth: Sites, among: np.ndarray) -> dict[str, Any]:
+    """How a suitability map compares with the true one over the cells ``among``; None where a number is undefined.
+
+    * ``base_rate``: the share of cells that are safe, which is the average precision of a coin.
+    * ``taken``: the share that is taken for safe; ``precision``: of these, the share that is safe; ``false_safe``: of
+      these, the share that is not; ``recall``: of the safe cells, the share taken; ``safe_lost``: the rest of them.
+    * ``average_precision`` and ``roc_area``, of the margin as a score; ``roc``: the share of safe cells taken at the
+      shares ``ROC_AT`` of unsafe ones.
+    * ``regret``: the margin of the best true site less that of the site that would be chosen, 1 if that is unsafe;
+      ``unsafe_choice``: 1 if it is, else 0; ``no_site``: 1 if none is chosen although there is one, else 0.
+    * ``cells``: of all, of the safe, of the taken, of both.
+    """
+    safe, taken, margin = truth.safe[among], found.safe[among], found.margin[among]
+    both = int((safe & taken).sum())
+    result: dict[str, Any] = {
+        "base_rate": _ratio(safe.sum(), safe.size), "taken": _ratio(taken.sum(), safe.size),
+        "precision": _ratio(both, taken.sum()), "recall": _ratio(both, safe.sum()),
+        "false_safe": _ratio(taken.sum() - both, taken.sum()), "safe_lost": _ratio(safe.sum() - both, safe.sum())}
+    result |= rank_scores(margin, safe) | _choice(found, truth, among)
+    return result | {"cells": [int(safe.size), int(safe.sum()), int(taken.sum()), both]}
+
+
+def rank_scores(score: np.ndarray, positive: np.ndarray) -> dict[str, Any]:
+    """Average precision, area under the ROC curve and the curve at ``ROC_AT``, of scores (n,) and truth (n,).
+
+    Equal scores are one step of the curves. None if all or none are positive.
+    """
+    total = int(positive.sum())
+    if total in (0, positive.size):
+        return {"average_precision": None, "roc_area": None, "roc": None}
+    order = np.argsort(-score, kind="stable")
+    ends = np.flatnonzero(np.append(score[order][1:] != score[order][:-1], True))
+    hits = np.cumsum(positive[order])[ends]
+    recall, false = hits / total, (ends + 1 - hits) / (positive.size - total)
+    precision = hits / (ends + 1)
+    area = float((np.diff(false, prepend=0.0) * (recall + np.append(0.0, recall[:-1])) / 2).sum())
+    curve = np.interp(ROC_AT, np.append(0.0, false), np.append(0.0, recall))
+    return {"average_precision": float((np.diff(recall, prepend=0.0) * precision).sum()), "roc_area": area,
+            "roc": [round(float(each), 4) for each in curve]}
+
+
+def _choice(found: Sites, truth: Sites, among: np.ndarray) -> dict[str, Any]:
+    place, best = choose(found, among), choose(truth, among)
+    chosen = None if place is None else list(place)
+    if best is None:
+        return {"regret": None, "unsafe_choice": None if place is None else 1.0, "no_site": None, "chosen": chosen}
+    if place is None:
+        return {"regret": None, "unsafe_choice": None, "no_site": 1.0, "chosen": None}
+    unsafe = not truth.safe[place]
+    regret = 1.0 if unsafe else float(truth.margin[best] - truth.margin[place])
+    return {"regret": regret, "unsafe_choice": float(unsafe), "no_site": 0.0, "chosen": chosen}
+
+
+def _ratio(part: Any, whole: Any) -> float | None:
+    return float(part) / float(whole) if whole else None

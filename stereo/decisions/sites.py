@@ -1,0 +1,157 @@
+"""Where it is safe to sample, by stated rules, from the heights of a workspace.
+
+The truth's map and a matcher's are made by the same function from the same rules; only what is known differs. What is
+unknown is unsafe.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .dem import Dem
+from .footprints import disc, distance_to, fit_planes, share_under, sums
+from .rules import SiteRules
+
+#: The rules in the order in which they are asked: the code of a cell is 1 + the number of the first that fails it.
+RULES = ("known", "slope", "roughness", "rocks", "reach", "light")
+SAFE = 0
+#: How wide the ground around a rock is that its height is measured from, as a multiple of the footprint.
+_AROUND = 2.0
+#: How often the ground around is fitted anew without what stands above it.
+_FITS = 3
+
+
+@dataclass(frozen=True)
+class Layers:
+    """What the rules ask for, arrays (rows, columns), NaN where it is not known."""
+
+    known_share: np.ndarray
+    slope_deg: np.ndarray
+    roughness_m: np.ndarray
+    rock_distance_m: np.ndarray
+    joint_margin_deg: np.ndarray
+    lit_share: np.ndarray
+
+
+@dataclass(frozen=True)
+class Sites:
+    """A suitability map. ``margin`` is the least of ``(limit - value) / limit`` over the rules: safe from 0 on, at most
+    1, minus infinity where something is unknown. ``failed`` is SAFE or the code of the first rule that fails."""
+
+    margin: np.ndarray
+    failed: np.ndarray
+    layers: Layers
+
+    @property
+    def safe(self) -> np.ndarray:
+        """Boolean (rows, columns)."""
+        return np.asarray(self.failed == SAFE)
+
+
+def find_rocks(height_m: np.ndarray, cell_m: float, rules: SiteRules) -> np.ndarray:
+    """Boolean (rows, columns): cells that stand at least ``rock_height_m`` above the plane of the ground around them.
+
+    The plane is fitted again without what stands above it, so that a rock does not lift its own ground.
+    """
+    ground = height_m.copy()
+    rocks = np.zeros(height_m.shape, bool)
+    for _ in range(_FITS):
+        above = height_m - fit_planes(ground, cell_m, _AROUND * rules.disc_m).middle_m
+        rocks = above > rules.rock_height_m
+        ground = np.where(rocks, np.nan, height_m)
+    return rocks
+
+
+def measure_layers(dem: Dem, joint_margin_deg: np.ndarray, lit: np.ndarray, rules: SiteRules,
+                   rocks: np.ndarray | None = None) -> Layers:
+    """The layers of an elevation model.
+
+    ``lit`` (rows, columns) is the share of each cell that is in light, NaN where it is not known; ``joint_margin_deg``
+    that of the arm with its scoop there, NaN out of reach. ``rocks`` is where there is one, if that is known.
+    """
+    cell = dem.grid.cell_m
+    planes = fit_planes(dem.height_m, cell, rules.disc_m)
+    rocks = find_rocks(dem.height_m, cell, rules) if rocks is None else rocks
+    return Layers(share_under(dem.known, cell, rules.disc_m), planes.slope_deg, planes.roughness_m,
+                  distance_to(rocks, cell), joint_margin_deg,
+                  share_under(lit, cell, rules.disc_m, np.isfinite(lit)))
+
+
+def judge(layers: Layers, rules: SiteRules) -> Sites:
+    """The suitability map of layers by rules."""
+    margins = [_at_least(layers.known_share, rules.known_share), _at_most(layers.slope_deg, rules.slope_deg),
+               _at_most(layers.roughness_m, rules.roughness_m),
+               _at_least(layers.rock_distance_m, rules.rock_distance_m),
+               _at_least(layers.joint_margin_deg, rules.joint_margin_deg), _at_least(layers.lit_share, rules.lit_share)]
+    stack = np.stack([np.where(np.isnan(each), -np.inf, each) for each in margins])
+    fails = stack < 0
+    return Sites(np.minimum(stack.min(axis=0), 1.0),
+                 np.where(fails.any(axis=0), 1 + fails.argmax(axis=0), SAFE).astype(np.uint8), layers)
+
+
+def _at_most(value: np.ndarray, limit: float) -> np.ndarray:
+    return (limit - value) / limit
+
+
+def _at_least(value: np.ndarray, limit: float) -> np.ndarray:
+    return (value - limit) / limit
+
+
+def choose(sites: Sites, among: np.ndarray) -> tuple[int, int] | None:
+    """Row and column of the site that would be chosen: the safe one ``among`` these with the largest margin.
+
+    Of equal ones it is the nearest to the middle of the map, then the first by row and column. None if none is safe.
+    """
+    margin = np.where(among & sites.safe, sites.margin, -np.inf)
+    if not np.isfinite(margin).any():
+        return None
+    rows, columns = margin.shape
+    row, column = np.nonzero(margin == margin.max())
+    far = (row - (rows - 1) / 2) ** 2 + (column - (columns - 1) / 2) ** 2
+    k = int(np.argmin(far))
+    return int(row[k]), int(column[k])
+
+
+def cast_light(height_m: np.ndarray, cell_m: float, toward_sun: np.ndarray) -> np.ndarray:
+    """1.0 where the middle of the Sun, in this direction of the site, is seen from a cell over the heights, 0.0 where
+    ground stands before it, NaN where the height is unknown. What stands outside the map casts no shadow."""
+    east, north, up = (float(each) for each in toward_sun)
+    level = float(np.hypot(east, north))
+    known = np.isfinite(height_m)
+    if up <= 0 or not known.any():
+        return np.where(known, 0.0 if up <= 0 else 1.0, np.nan)
+    lit = np.ones(height_m.shape, bool)
+    if level > 1e-9:
+        heights = np.where(known, height_m, -np.inf)
+        climb = up / level * cell_m
+        reach = float(np.nanmax(height_m) - np.nanmin(height_m))
+        for step in range(1, int(min(np.ceil(reach / climb), max(height_m.shape))) + 1):
+            rows, columns = round(-north / level * step), round(east / level * step)
+            lit &= _shifted(heights, rows, columns) <= heights + climb * float(np.hypot(rows, columns))
+    return np.where(known, lit.astype(np.float64), np.nan)
+
+
+def _shifted(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
+    """For each cell the value of the one so many rows and columns on; minus infinity beyond the border."""
+    result = np.full(values.shape, -np.inf)
+    height, width = values.shape
+    if abs(rows) < height and abs(columns) < width:
+        result[max(0, -rows):height - max(0, rows), max(0, -columns):width - max(0, columns)] = values[
+            max(0, rows):height - max(0, -rows), max(0, columns):width - max(0, -columns)]
+    return result
+
+
+def judge_pads(dem: Dem, diameter_m: float, slope_deg: float, rock_height_m: float, known_share: float) -> np.ndarray:
+    """uint8 (rows, columns) for a landing pad centred on each cell: 0 fits, 1 unknown, 2 too steep, 3 a rock under it.
+
+    A rock is what stands higher than ``rock_height_m`` above the plane under the pad.
+    """
+    cell = dem.grid.cell_m
+    planes = fit_planes(dem.height_m, cell, diameter_m)
+    known = share_under(dem.known, cell, diameter_m) >= known_share
+    rocks = dem.height_m - planes.middle_m > rock_height_m
+    under = np.rint(sums(rocks.astype(np.float64), disc(diameter_m, cell))) > 0
+    steep = planes.slope_deg > slope_deg
+    return np.where(~known | np.isnan(planes.slope_deg), 1, np.where(steep, 2, np.where(under, 3, 0))).astype(np.uint8)

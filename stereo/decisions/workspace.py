@@ -1,0 +1,213 @@
+"""The workspace of a pair: its cells, its true heights, and the decisions that follow from the truth and from a depth.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...render.pairs.pair_folder import Pair
+from ..images.disparity_and_occlusion import scene_depth
+from ..images.exr import read_depth
+from ..measure.by_pixel_class import MATERIAL
+from ..measure.prepare import Prepared
+from .dem import Dem, Grid, grid_of, grid_points, height_errors, mean_by_cell, points_of
+from .footprints import share_under
+from .reach import find_margins
+from .rules import Rules
+from .scores import score_sites
+from .sites import Sites, cast_light, find_rocks, judge, judge_pads, measure_layers
+
+#: Side of a cell where a pair states none, metres: three pixels of the paper's camera or more at its workspace.
+CELL_M = 0.02
+#: Class of ``by_pixel_class.MATERIAL`` of pixels of the lander, which are no ground.
+_LANDER = 2
+#: From which share on a footprint is inside the workspace: all of it, but for rounding.
+_WHOLE = 1 - 1e-6
+
+
+@dataclass(frozen=True)
+class Maps:
+    """What one depth gives: its elevation model, the suitability of each cell, and where a pad would stand."""
+
+    dem: Dem
+    sites: Sites
+    pads: np.ndarray
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """The workspace of a prepared pair, with what the truth decides."""
+
+    prepared: Prepared
+    pair: Pair
+    pose: np.ndarray  # (4, 4), from the left eye of the parallel rig to the site
+    rules: Rules
+    exact: bool  # the true heights are of the meshes; otherwise of the true depth of both eyes
+    seen: np.ndarray  # boolean (rows, columns): a pixel of the left image is of this cell
+    inside: np.ndarray  # boolean: the whole footprint of a site is
+    reached: np.ndarray  # boolean: it is, and the arm gets there
+    truth: Maps
+
+    @property
+    def grid(self) -> Grid:
+        """Its cells."""
+        return self.truth.dem.grid
+
+
+def open_workspace(prepared: Prepared, rules: Rules, cell_m: float | None = None) -> Workspace:
+    """The workspace of a pair with the truth's decisions.
+
+    ``cell_m`` is the side of a cell where the pair contains no true heights. Raises IcyMoonError for a pair that was
+    not rendered here, whose camera's position is not known, or that shows no ground.
+    """
+    pair, pose = prepared.pair, prepared.pair.rectified_pose("left")
+    if not isinstance(pair, Pair) or pose is None:
+        raise IcyMoonError(f"{prepared.pair.folder} does not state the place of its camera on a site; decisions need a "
+                           "pair that was rendered here.")
+    known = np.where(_is_ground(prepared), prepared.truth, np.nan)
+    seen_points, _ = points_of(known, pair.camera.rectified, pose)
+    if not len(seen_points):
+        raise IcyMoonError(f"{pair.folder} shows no ground, so there is nothing to decide; point the camera at some.")
+    stated = pair.data.get("workspace")
+    if stated:
+        grid, heights = grid_of(stated), _read_heights(pair, stated)
+        dem = Dem(grid, heights[0], np.where(np.isfinite(heights[0]), 1, 0))
+        rocks = heights[0] - heights[1] > rules.site.rock_height_m
+    else:
+        grid = _grid_ahead(pair, seen_points, cell_m or CELL_M)
+        dem = grid_points(np.concatenate([seen_points, _points_of_right_eye(pair)]), grid, 1)
+        rocks = find_rocks(dem.height_m, grid.cell_m, rules.site)
+    margin = _margins(pair, pose, dem)
+    layers = measure_layers(dem, margin, cast_light(dem.height_m, grid.cell_m, toward_sun(pair)), rules.site, rocks)
+    maps = Maps(dem, judge(layers, rules.site), _pads(dem, rules))
+    inside = share_under(np.ones(dem.height_m.shape, bool), grid.cell_m, rules.site.disc_m) > _WHOLE
+    return Workspace(prepared, pair, pose, rules, bool(stated), grid_points(seen_points, grid, 1).known, inside,
+                     inside & (margin >= rules.site.joint_margin_deg), maps)
+
+
+def toward_sun(pair: Pair) -> np.ndarray:
+    """Unit vector from the site to the Sun. Raises IcyMoonError if the pair does not contain it."""
+    try:
+        found = np.array(pair.data["light"]["sun"]["direction_to_world"], np.float64)
+    except (KeyError, TypeError, ValueError):
+        found = np.empty(0)
+    if found.shape != (3,) or not np.isfinite(found).all() or not found.any():
+        raise IcyMoonError(f"{pair.folder / 'pair.json'} does not contain the direction of the Sun; render the pair "
+                           "again.")
+    return np.asarray(found / np.linalg.norm(found))
+
+
+def decide(workspace: Workspace, depth_m: np.ndarray, pose: np.ndarray | None = None) -> Maps:
+    """What a planar depth (H, W) of the left image, NaN where it is not known, gives.
+
+    ``pose`` is where the lander takes its left eye to be; by default where it is.
+    """
+    pose = workspace.pose if pose is None else pose
+    ground = np.where(_is_ground(workspace.prepared), depth_m, np.nan)
+    position, index = points_of(ground, workspace.pair.camera.rectified, pose)
+    dem = grid_points(position, workspace.grid)
+    margin = _margins(workspace.pair, pose, dem)
+    lit = mean_by_cell(position, _lit_pixels(workspace).ravel()[index], dem.grid)
+    rules = workspace.rules
+    return Maps(dem, judge(measure_layers(dem, margin, lit, rules.site), rules.site), _pads(dem, rules))
+
+
+def compare(workspace: Workspace, found: Maps) -> dict[str, Any]:
+    """The numbers of decisions beside the truth's: ``dem``, ``sites`` and ``pads``; None where one is undefined.
+
+    The elevation model is compared over the cells in reach that the left image shows, its ``reached`` completeness over
+    all in reach; sites over all in reach whose true height is known; pads over all whose footprint is inside.
+    """
+    truth = workspace.truth
+    among = workspace.reached & truth.dem.known
+    errors = height_errors(found.dem, truth.dem.height_m, among & workspace.seen)
+    errors["reached_completeness"] = height_errors(found.dem, truth.dem.height_m, among)["completeness"]
+    for name in ("slope_deg", "roughness_m"):
+        off = (getattr(found.sites.layers, name) - getattr(truth.sites.layers, name))[among]
+        off = off[np.isfinite(off)]
+        errors[f"{name.partition('_')[0]}_rmse{name[name.rindex('_'):]}"] = (
+            float(np.sqrt((off ** 2).mean())) if off.size else None)
+    return {"dem": errors, "sites": score_sites(found.sites, truth.sites, among),
+            "pads": _score_pads(found.pads, truth.pads, truth.dem.known & workspace.inside)}
+
+
+def disturb(pose: np.ndarray, error_mm: float, error_deg: float, random: np.random.Generator) -> np.ndarray:
+    """The pose (4, 4) with an error: a shift and a turn about the eye, each normal in three axes, these their standard
+    deviations per axis."""
+    turn = np.radians(error_deg) * random.standard_normal(3)
+    shift = error_mm / 1000 * random.standard_normal(3)
+    angle = float(np.linalg.norm(turn))
+    x, y, z = turn / angle if angle else (0.0, 0.0, 1.0)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    result = pose.copy()
+    result[:3, :3] = (np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross) @ pose[:3, :3]
+    result[:3, 3] += shift
+    return result
+
+
+def _margins(pair: Pair, pose: np.ndarray, dem: Dem) -> np.ndarray:
+    """The arm's margins, of a lander whose camera has this ``pose``."""
+    return find_margins(pair.settings, float(pose[2, 3]) - pair.settings.rig.height_m, *dem.grid.centres(),
+                        dem.height_m)
+
+
+def _score_pads(found: np.ndarray, truth: np.ndarray, among: np.ndarray) -> dict[str, float | None]:
+    fits, taken = truth[among] == 0, found[among] == 0
+    both = float((fits & taken).sum())
+    return {"base_rate": float(fits.mean()) if fits.size else None,
+            "false_safe": (taken.sum() - both) / float(taken.sum()) if taken.any() else None,
+            "safe_lost": (fits.sum() - both) / float(fits.sum()) if fits.any() else None}
+
+
+def _pads(dem: Dem, rules: Rules) -> np.ndarray:
+    pad = rules.pad
+    return judge_pads(dem, pad.disc_m, pad.slope_deg, pad.rock_height_m, pad.known_share)
+
+
+def _is_ground(prepared: Prepared) -> np.ndarray:
+    return np.asarray(prepared.classes[MATERIAL.key] != _LANDER)
+
+
+def _lit_pixels(workspace: Workspace) -> np.ndarray:
+    """1.0 or 0.0 (H, W): the left image is brighter than a share of the median of its ground."""
+    image = workspace.prepared.left
+    grey = (image if image.ndim == 2 else image.mean(axis=2)).astype(np.float64)
+    level = grey ** 2 if workspace.prepared.facts["settings"].sensor.encoding == "SQUARE_ROOT" else grey
+    ground = workspace.prepared.known & _is_ground(workspace.prepared)
+    return (level > workspace.rules.site.lit_level * np.median(level[ground])).astype(np.float64)
+
+
+def _read_heights(pair: Pair, stated: Mapping[str, Any]) -> np.ndarray:
+    """The true heights, float64 (2, rows, columns). Raises IcyMoonError if the file is none of ours."""
+    path = pair.folder / stated["file"]
+    try:
+        heights = np.load(path, allow_pickle=False)
+    except (OSError, ValueError) as error:
+        raise IcyMoonError(f"{path} cannot be read ({error}); render the pair again.") from None
+    if heights.shape != (2, *stated["shape"]) or heights.dtype != np.float32:
+        raise IcyMoonError(f"{path} does not contain the heights that pair.json states; render the pair again.")
+    return heights.astype(np.float64)
+
+
+def _points_of_right_eye(pair: Pair) -> np.ndarray:
+    pose = pair.rectified_pose("right")
+    depth = pair.camera.cropped(scene_depth(read_depth(pair.truth("right"), "right")))
+    return points_of(depth, pair.camera.rectified, pose)[0] if pose is not None else np.empty((0, 3))
+
+
+def _grid_ahead(pair: Pair, points: np.ndarray, cell_m: float) -> Grid:
+    """Cells around the middle of what the left image shows, as large as a workspace is by default."""
+    workspace = pair.settings.workspace
+    size = workspace.size_m
+    count = max(1, math.ceil(size / cell_m - 1e-6))
+    if count > 4096:
+        raise IcyMoonError(f"Cells of {cell_m:g} m are {count} along a side; give {size / 4096:.2g} m or more.")
+    east, north = np.median(points[:, 0]), np.median(points[:, 1])
+    half = count * cell_m / 2
+    return Grid(cell_m, count, count, float(east - half), float(north + half))

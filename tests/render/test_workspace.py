@@ -1,0 +1,61 @@
+"""The true heights of a workspace that a worker writes beside a pair."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from icymoon.render.pairs.pair_folder import find_changed_files
+from icymoon.settings.description import digest
+from rendering import complete, render
+
+#: Ground of a height map that no symmetry confuses.
+SIZE_M = 8.0
+ON = {"workspace": {"cell_m": 0.1, "east_m": 0.5, "north_m": 1.0, "size_m": 2.0}}
+
+
+def slope(x, y):
+    return 0.1 * x + 0.25 * y
+
+
+@pytest.fixture(scope="module")
+def plane(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("own")
+    at = np.linspace(-SIZE_M / 2, SIZE_M / 2, 33)
+    np.save(folder / "heights.npy", slope(at[None, :], at[::-1, None]))
+    return {"source": {"kind": "HEIGHT_MAP", "file": str(folder / "heights.npy"), "metres_per_pixel": SIZE_M / 32,
+                       "height_scale_m": 1.0, "centre": False, "origin_x_m": SIZE_M / 2, "origin_y_m": SIZE_M / 2},
+            "terrain": {"size_m": SIZE_M, "resolution": 33}, "rocks": {"coverage": 0.0},
+            "surface": {"model": "LAMBERT", "grain_amplitude_m": 0.0}}
+
+
+@pytest.mark.heavy
+def test_the_heights_are_those_of_the_ground(plane, tmp_path):
+    pair, _ = render(tmp_path / "set", plane, ON)
+    stated = pair.data["workspace"]
+    heights = np.load(pair.folder / stated["file"])
+    (west, north), cell = stated["origin_m"], stated["cell_m"]
+    east = west + (np.arange(20) + 0.5) * cell
+    y = north - (np.arange(20) + 0.5) * cell
+    true = slope(east[None, :], y[:, None])
+    assert heights.shape == (2, 20, 20)
+    assert (west, north) == pytest.approx((-0.5, 2.0))
+    # A depth is of single precision at some metres, and the ray is half a bin of the pixel filter off its place.
+    assert np.abs(heights - true).max() < 1e-4
+    assert stated["file"] in pair.data["files"]
+    assert not find_changed_files(pair)
+
+
+@pytest.mark.heavy
+def test_rocks_are_in_the_one_and_not_in_the_other(plane, tmp_path):
+    rocky = {"rocks": {"coverage": 0.3, "smallest_m": 0.3, "largest_m": 0.6}}
+    pair, built = render(tmp_path / "set", plane, rocky, ON)
+    top, ground = np.load(pair.folder / "workspace.npy")
+    assert 0.02 < (top - ground > 0.03).mean() < 0.9
+    assert (top >= ground - 1e-4).all()
+    assert not any(item.hide_render for item in built.collection.all_objects if item.type == "MESH")
+
+
+def test_without_a_workspace_ids_are_as_before():
+    base = complete()
+    assert digest(base) != digest(complete(ON))
+    assert digest(complete({"workspace": {"cell_m": 0.0}})) == digest(base)

@@ -1,0 +1,92 @@
+"""Scores of maps: a perfect one, a coin, an inverted one, and counts by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from icymoon.stereo.decisions.scores import rank_scores, score_sites
+from icymoon.stereo.decisions.sites import SAFE, Layers, Sites
+
+ALL = np.ones((40, 50), bool)
+NONE = Layers(*([np.zeros(ALL.shape)] * 6))
+
+
+def sites(margin):
+    return Sites(margin, np.where(margin >= 0, SAFE, 2).astype(np.uint8), NONE)
+
+
+def random_map(seed=0):
+    return np.random.default_rng(seed).uniform(-1, 1, ALL.shape)
+
+
+def test_the_truth_itself_is_perfect():
+    truth = sites(random_map())
+    found = score_sites(truth, truth, ALL)
+    assert found["precision"] == found["recall"] == found["average_precision"] == found["roc_area"] == 1.0
+    assert found["false_safe"] == found["safe_lost"] == found["regret"] == found["unsafe_choice"] == 0.0
+
+
+def test_a_coin_has_the_base_rate_and_half_the_area():
+    truth = sites(random_map() - 0.4)
+    found = [score_sites(sites(random_map(seed)), truth, ALL) for seed in range(1, 21)]
+    # 2000 cells, 20 coins: three standard errors.
+    assert np.mean([each["average_precision"] for each in found]) == pytest.approx(found[0]["base_rate"], abs=0.02)
+    assert np.mean([each["roc_area"] for each in found]) == pytest.approx(0.5, abs=0.01)
+
+
+def test_the_inverse_is_as_wrong_as_can_be():
+    truth = sites(random_map())
+    found = score_sites(sites(-truth.margin), truth, ALL)
+    assert found["roc_area"] == pytest.approx(0.0)
+    assert found["precision"] == 0.0
+    assert found["regret"] == 1.0
+    assert found["unsafe_choice"] == 1.0
+
+
+def test_counts_by_hand():
+    truth = sites(np.where(np.arange(2000).reshape(40, 50) < 500, 0.5, -0.5))
+    margin = np.full(ALL.shape, -0.2)
+    margin.ravel()[400:900] = 0.3
+    found = score_sites(sites(margin), truth, ALL)
+    assert found["cells"] == [2000, 500, 500, 100]
+    assert (found["base_rate"], found["taken"], found["precision"], found["recall"]) == (0.25, 0.25, 0.2, 0.2)
+    assert (found["false_safe"], found["safe_lost"]) == (0.8, 0.8)
+
+
+def test_equal_scores_are_one_step():
+    found = rank_scores(np.zeros(100), np.arange(100) < 30)
+    assert found["average_precision"] == pytest.approx(0.3)
+    assert found["roc_area"] == pytest.approx(0.5)
+
+
+def test_ranks_are_those_of_counting():
+    random = np.random.default_rng(7)
+    score, positive = random.integers(0, 20, 300).astype(float), random.random(300) < 0.3
+    inside, outside = score[positive], score[~positive]
+    wins = (inside[:, None] > outside).mean() + 0.5 * (inside[:, None] == outside).mean()  # Mann and Whitney
+    assert rank_scores(score, positive)["roc_area"] == pytest.approx(wins)
+    steps = [(positive[score >= s].sum(), (score >= s).sum()) for s in np.unique(score)[::-1]]
+    hits = np.array([0, *(hit for hit, _ in steps)])
+    by_hand = sum((b - a) / positive.sum() * hit / n for a, b, (hit, n) in zip(hits, hits[1:], steps, strict=False))
+    assert rank_scores(score, positive)["average_precision"] == pytest.approx(by_hand)
+
+
+def test_what_is_undefined_is_none():
+    empty, full = sites(np.full(ALL.shape, -1.0)), sites(np.full(ALL.shape, 0.5))
+    assert score_sites(empty, full, ALL)["precision"] is None
+    assert score_sites(empty, full, ALL)["no_site"] == 1.0
+    nothing = score_sites(full, empty, ALL)
+    assert nothing["recall"] is nothing["roc"] is nothing["regret"] is None
+    assert nothing["unsafe_choice"] == 1.0
+    assert score_sites(empty, empty, ALL)["unsafe_choice"] is None
+
+
+def test_regret_is_the_margin_that_is_given_away():
+    truth, margin = sites(np.full(ALL.shape, 0.2)), np.full(ALL.shape, 0.1)
+    truth.margin[3, 4], margin[20, 20] = 0.7, 0.4
+    found = score_sites(sites(margin), truth, ALL)
+    assert found["chosen"] == [20, 20]
+    assert found["regret"] == pytest.approx(0.5)
+    assert score_sites(replace(sites(margin)), truth, ~ALL)["regret"] is None

@@ -1,0 +1,142 @@
+"""The map of a scene that is made by hand: level ground with a rock, a steep side, a rough strip, a hole, a shadow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from icymoon.stereo.decisions.dem import Dem, Grid
+from icymoon.stereo.decisions.rules import read_rules
+from icymoon.stereo.decisions.sites import (
+    RULES,
+    SAFE,
+    cast_light,
+    choose,
+    find_rocks,
+    judge,
+    judge_pads,
+    measure_layers,
+)
+
+CELL, RULE = 0.02, read_rules().site
+SIZE = 160
+#: Codes of ``Sites.failed``.
+UNKNOWN, STEEP, ROUGH, ROCKS, REACH, DARK = (1 + RULES.index(name) for name in (
+    "known", "slope", "roughness", "rocks", "reach", "light"))
+
+
+def scene(height):
+    """The sites of heights on a square, all in reach and in light."""
+    dem = Dem(Grid(CELL, *height.shape, 0.0, 0.0), height, np.isfinite(height).astype(int))
+    return dem, np.full(height.shape, 90.0), np.ones(height.shape)
+
+
+def level():
+    return np.zeros((SIZE, SIZE))
+
+
+def test_level_ground_is_safe_but_for_its_border():
+    sites = judge(measure_layers(*scene(level()), RULE), RULE)
+    assert sites.safe[10:-10, 10:-10].all()
+    assert (sites.failed[0] == UNKNOWN).all()
+    # The known share is the least margin there: 0.1 of 0.9.
+    assert sites.margin[80, 80] == pytest.approx((1 - RULE.known_share) / RULE.known_share)
+
+
+def test_each_rule_fails_where_it_is_broken():
+    height, (dem, margin, lit) = level(), scene(level())
+    row, column = np.mgrid[:SIZE, :SIZE]
+    height[:, 120:] = np.tan(np.radians(20.0)) * CELL * (column[:, 120:] - 119)  # 20 degrees in the east
+    height[130:, :60] += np.where((row + column)[130:, :60] % 2, 0.02, -0.02)  # 2 cm RMS in the south-west
+    height[40:44, 40:44] = 0.1  # a rock
+    height[90:106, 20:36] = np.nan  # a hole
+    margin[:20, 60:80] = 5.0
+    margin[20:30, 60:80] = np.nan
+    lit[:, 90:110] = 0.0
+    sites = judge(measure_layers(replace(dem, height_m=height), margin, lit, RULE), RULE)
+    for place, code in (((80, 140), STEEP), ((145, 30), ROUGH), ((98, 28), UNKNOWN), ((12, 70), REACH),
+                        ((25, 70), REACH), ((60, 100), DARK), ((60, 70), SAFE)):
+        assert sites.failed[place] == code, place
+    assert np.isneginf(sites.margin[25, 70])
+    # Just beside the rock its own roughness fails too; a rock of one cell is too small for that.
+    assert not sites.safe[42, 42]
+    assert not sites.safe[42, 46]
+
+
+def test_a_rock_of_a_cell_is_kept_away_from_by_its_distance():
+    height = level()
+    height[80, 80] = 0.04
+    sites = judge(measure_layers(*scene(height), RULE), RULE)
+    row, column = np.mgrid[:SIZE, :SIZE]
+    far = CELL * np.hypot(row - 80, column - 80)
+    inside = (slice(10, -10), slice(10, -10))
+    assert ((sites.failed == ROCKS) == (far < RULE.rock_distance_m - 1e-6))[inside].all()
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.2])
+def test_rocks_are_found_on_slopes_and_their_ground_is_not(slope):
+    _row, column = np.mgrid[:SIZE, :SIZE]
+    height, true = slope * CELL * column + 0.0, np.zeros((SIZE, SIZE), bool)
+    true[50:62, 50:58] = true[100:104, 110:114] = True
+    height[true] += 0.05
+    assert (find_rocks(height, CELL, RULE) == true).all()
+
+
+def test_a_lower_rule_takes_no_more_cells():
+    random = np.random.default_rng(5)
+    height = level() + random.normal(0, 0.004, (SIZE, SIZE)) + 0.1 * np.sin(np.mgrid[:SIZE, :SIZE][0] / 9)
+    layers = measure_layers(*scene(height), RULE)
+    wide = judge(layers, RULE).safe
+    for key, value in (("slope_deg", 8.0), ("roughness_m", 0.004), ("rock_distance_m", 0.3), ("known_share", 1.0)):
+        strict = judge(layers, replace(RULE, **{key: value})).safe
+        assert not (strict & ~wide).any()
+    assert 0 < wide.sum() < wide.size
+
+
+def test_the_choice_is_the_best_and_of_equals_the_nearest_to_the_middle():
+    sites = judge(measure_layers(*scene(level()), RULE), RULE)
+    assert choose(sites, np.ones((SIZE, SIZE), bool)) == (79, 79)
+    best = replace(sites, margin=sites.margin.copy())
+    best.margin[30, 40] = 0.5
+    assert choose(best, np.ones((SIZE, SIZE), bool)) == (30, 40)
+    assert choose(best, np.zeros((SIZE, SIZE), bool)) is None
+
+
+@pytest.mark.parametrize(("toward", "step"), [((1, 0), (0, -1)), ((0, 1), (1, 0)), ((-1, 0), (0, 1)),
+                                              ((0, -1), (-1, 0))])
+def test_a_wall_casts_a_shadow_of_its_height_over_the_tangent(toward, step):
+    height = level()
+    height[78:82, 78:82] = 0.2
+    up = np.tan(np.radians(30.0))
+    sun = np.array([*toward, up]) / np.hypot(1, up)
+    lit = cast_light(height, CELL, sun)
+    shadow = lit == 0.0
+    cells = int(0.2 / up / CELL)  # 17.3
+    assert shadow.sum() == 4 * cells
+    row, column = np.nonzero(shadow)
+    assert np.sign(row.mean() - 79.5) == step[0]
+    assert np.sign(column.mean() - 79.5) == step[1]
+
+
+def test_light_from_above_and_from_below():
+    height = np.random.default_rng(2).random((30, 30))
+    assert (cast_light(height, CELL, np.array([0.0, 0.0, 1.0])) == 1.0).all()
+    assert (cast_light(height, CELL, np.array([0.8, 0.0, -0.6])) == 0.0).all()
+    height[3, 4] = np.nan
+    assert np.isnan(cast_light(height, CELL, np.array([0.6, 0.0, 0.8]))[3, 4])
+
+
+def test_pads_stand_on_level_ground_without_rocks():
+    _row, column = np.mgrid[:SIZE, :SIZE]
+    height = np.tan(np.radians(12.0)) * CELL * np.maximum(column - 100.0, 0)
+    height[40:44, 40:44] = 0.4
+    height[100:140, 20:60] = np.nan
+    dem, _, _ = scene(height)
+    found = judge_pads(dem, 0.3, 20.0, 0.3, 0.9)
+    assert found[120, 40] == 1
+    assert found[80, 70] == 0
+    assert found[42, 42] == 3
+    assert found[42, 47] != 0
+    assert judge_pads(dem, 0.3, 10.0, 0.3, 0.9)[80, 140] == 2
+    assert found[80, 140] == 0

@@ -1,0 +1,178 @@
+"""Decisions of pairs on the disk: what is written, what is kept, what is refused."""
+
+from __future__ import annotations
+
+import csv
+import json
+
+import numpy as np
+import pairs
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.formats import geotiff
+from icymoon.stereo import decide as module
+from icymoon.stereo.cli import main
+from icymoon.stereo.decide import TRUE_DEPTH, PoseError, decide_pairs
+from icymoon.stereo.decisions.rules import read_rules
+from icymoon.stereo.decisions.workspace import disturb
+from icymoon.stereo.matchers.methods import parse_methods
+
+pytestmark = pytest.mark.filterwarnings("error")
+
+#: A left eye that looks straight down from 2 m: OpenCV's y points south, its z down.
+DOWN = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2], [0, 0, 0, 1]])
+CELL_M = 0.04
+
+
+def write(folder, scene=None, exact=True):
+    """A pair of level ground with a rock of 0.5 m beside it, seen from above, with its true heights if ``exact``."""
+    rig = pairs.camera(256, 144)
+    pairs.write_pair(folder, scene or pairs.Scene(slope_x=0.0, slope_y=0.0), rig)
+    data = json.loads((folder / "pair.json").read_text())
+    right = DOWN.copy()
+    right[0, 3] = rig.baseline_m
+    data["poses_camera_to_world"] = {"left": DOWN.tolist(), "right": right.tolist()}
+    data["light"] = {"sun": {"direction_to_world": [0.0, 0.0, 1.0]}}
+    if exact:
+        ground = np.zeros((30, 30), np.float32)
+        east, north = np.meshgrid(*2 * [(np.arange(30) + 0.5) * CELL_M - 0.6])
+        top = np.where((np.abs(east) < 0.25) & (np.abs(north) < 0.25), 0.5, ground)
+        np.save(folder / "workspace.npy", np.stack([top, ground]).astype(np.float32))
+        data["workspace"] = {"file": "workspace.npy", "cell_m": CELL_M, "origin_m": [-0.6, 0.6], "shape": [30, 30]}
+    (folder / "pair.json").write_text(json.dumps(data))
+    return folder
+
+
+@pytest.fixture
+def dataset(tmp_path):
+    for name in ("a", "b"):
+        write(tmp_path / "set" / "pairs" / name)
+    return tmp_path / "set"
+
+
+def run(paths, out, methods="bm", **options):
+    return decide_pairs(paths, parse_methods(methods), out, read_rules(), **options)
+
+
+def test_the_true_depth_finds_the_true_heights_and_takes_nothing_unsafe(dataset, tmp_path):
+    report = run([dataset], tmp_path / "out")
+    entry, matcher = report["summary"]
+    assert entry["method"] == TRUE_DEPTH
+    assert entry["pairs"] == 2
+    assert matcher["pairs"] == 2
+    # Cells at the rock's sides contain points of both heights; all others are exact to single precision.
+    row = next(row for row in report["rows"] if row["method"] == TRUE_DEPTH)
+    found = np.load(tmp_path / "out" / row["images"]["dem"])
+    error = np.abs(found - np.load(tmp_path / "out" / "pairs" / "a" / "truth_dem.npy"))
+    assert np.nanmedian(error) < 1e-5
+    assert (error > 0.01).sum() < 50
+    assert row["numbers"]["sites"]["false_safe"] == 0.0
+    assert row["numbers"]["sites"]["chosen"] is not None
+    assert row["numbers"]["sites"]["unsafe_choice"] == 0.0
+    assert 0 < entry["cpu_s.decide"] < 2
+    assert matcher["dem.nmad_m"] > entry["dem.nmad_m"]
+
+
+def test_files_are_as_they_are_named(dataset, tmp_path):
+    report = run([dataset], tmp_path / "out")
+    for row in report["rows"]:
+        tif = geotiff.read(tmp_path / "out" / row["images"]["tif"])
+        assert tif.pixel_m == pytest.approx((CELL_M, CELL_M))
+        assert tif.corner_m == pytest.approx((-0.58, -0.58))
+        np.testing.assert_array_equal(tif.heights_m, np.load(tmp_path / "out" / row["images"]["dem"]).astype(float))
+    stored = json.loads((tmp_path / "out" / "decisions.json").read_text())
+    assert stored["format"] == "icymoon-decisions"
+    assert stored["summary"] == report["summary"]
+    with (tmp_path / "out" / "decisions.csv").open(encoding="utf-8", newline="") as stream:
+        lines = list(csv.DictReader(stream))
+    assert [(line["pair"], line["method"]) for line in lines] == [
+        (pair, method) for pair in "ab" for method in (TRUE_DEPTH, "bm")]
+    page = (tmp_path / "out" / "decisions.html").read_text(encoding="utf-8")
+    assert report["head"][1] in page
+    assert "://" not in page.replace("http://www.w3.org", "")
+
+
+def test_only_what_is_missing_is_made(dataset, tmp_path, monkeypatch):
+    calls = []
+    real = module.match
+    monkeypatch.setattr(module, "match", lambda name, *rest: calls.append(name) or real(name, *rest))
+    first = run([dataset], tmp_path / "out")
+    again = run([dataset], tmp_path / "out")
+    assert calls == ["bm"] * 2
+    assert again["rows"] == first["rows"]
+    run([dataset], tmp_path / "out", "bm,sgbm")
+    assert calls == ["bm"] * 2 + ["sgbm"] * 2
+    (tmp_path / "out" / "pairs" / "a" / "bm_dem.tif").unlink()
+    run([dataset], tmp_path / "out")
+    assert calls[4:] == ["bm"]
+    run([dataset], tmp_path / "out", pose=PoseError(5.0, 0.1))
+    assert calls[5:] == ["bm"] * 2
+
+
+def test_without_true_heights_the_depth_of_both_eyes_is_the_truth(tmp_path):
+    write(tmp_path / "pair", exact=False)
+    report = run([tmp_path / "pair"], tmp_path / "out", cell_m=0.05)
+    assert any("workspace.cell_m is 0" in note for note in report["notes"])
+    assert report["summary"][0]["dem.rmse_m"] < 0.2
+    assert report["rows"][0]["status"] == "ok"
+
+
+def test_a_wrong_height_of_the_camera_is_a_bias(dataset, tmp_path):
+    pose = disturb(DOWN, 10.0, 0.0, np.random.default_rng(1))
+    shift = pose[:3, 3] - DOWN[:3, 3]
+    assert (pose[:3, :3] == DOWN[:3, :3]).all()
+    assert np.abs(shift).max() < 0.05
+    report = run([dataset], tmp_path / "out", pose=PoseError(10.0))
+    biases = [row["numbers"]["dem"]["bias_m"] for row in report["rows"] if row["method"] == TRUE_DEPTH]
+    assert len(set(biases)) == 2
+    assert max(map(abs, biases)) > 1e-3
+
+
+def test_a_turn_about_the_eye_is_a_rotation():
+    pose = disturb(DOWN, 0.0, 2.0, np.random.default_rng(3))
+    np.testing.assert_allclose(pose[:3, :3] @ pose[:3, :3].T, np.eye(3), atol=1e-12)
+    assert (pose[:3, 3] == DOWN[:3, 3]).all()
+    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+
+
+def test_a_pair_that_cannot_be_used_stops_no_other(dataset, tmp_path):
+    path = dataset / "pairs" / "a" / "pair.json"
+    data = json.loads(path.read_text())
+    del data["light"]
+    path.write_text(json.dumps(data))
+    errors = []
+    report = run([dataset], tmp_path / "out", on_event=lambda event: errors.append(event)
+                 if event["type"] == "error" else None)
+    assert {entry["pair"] for entry in report["failed"]} == {"a"}
+    assert "direction of the Sun" in errors[0]["message"]
+    assert report["summary"][1]["pairs"] == 1
+
+
+@pytest.mark.parametrize("name", ["decisions.csv", "decisions.html", "decisions.jsonl"])
+def test_files_of_others_are_not_overwritten(dataset, tmp_path, name):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / name).write_text("mine", encoding="utf-8")
+    with pytest.raises(IcyMoonError, match=name):
+        run([dataset], tmp_path / "out")
+    assert (tmp_path / "out" / name).read_text(encoding="utf-8") == "mine"
+
+
+def test_results_do_not_mix_with_pairs(dataset):
+    with pytest.raises(IcyMoonError, match="is a data set"):
+        run([dataset], dataset)
+
+
+def test_json_lines_end_with_the_result(dataset, tmp_path, capsys):
+    assert main(["decide", str(dataset), "--methods", "bm", "--out", str(tmp_path / "out"), "--json-lines"]) == 0
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [line["type"] for line in lines] == ["progress"] * 4 + ["result"]
+    assert lines[-1]["rows"][1]["method"] == "bm"
+    assert lines[3]["fraction"] == 1.0
+
+
+@pytest.mark.parametrize("wrong", [["--cell-m", "0"], ["--pose-error-mm", "-1"], ["--rules", "nowhere.toml"],
+                                   ["--methods", "nothing"], ["--seed", "-1"]])
+def test_wrong_options_are_sentences_and_write_nothing(dataset, tmp_path, capsys, wrong):
+    assert main(["decide", str(dataset), "--out", str(tmp_path / "out"), *wrong]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
