@@ -24,6 +24,7 @@ NOT_SEEN = 255
 #: ``FIRST_ROCK_INSTANCE`` by size, the largest first. Single precision is exact up to 2^24.
 TERRAIN_INSTANCE = 1
 FIRST_OBJECT_INSTANCE, LAST_OBJECT_INSTANCE = 2, 32767
+FIRST_LINK_INSTANCE = 30_001  # of our lander, whose objects of the user may have low numbers
 FIRST_ROCK_INSTANCE = 100_000
 INSTANCE_AOV = "InstanceLabel"  # value pass
 FACE_ATTRIBUTE = "icymoon_face"  # of the triangles of a shape of rocks: the plane that each lies on

@@ -15,6 +15,7 @@ from ..typed_settings import Settings
 from . import preview
 from .built_scene import SETTINGS, Built, find
 from .datablocks.blend_file_paths import content
+from .lander.contact import find_contact
 from .light.scene_lights import advice as light_advice
 from .light.scene_lights import described_sky
 from .scene import build
@@ -47,4 +48,6 @@ def adapt_scene(built: Built | None, settings: Settings) -> tuple[Built, bool]:
     now = find(bpy.context.scene)
     if now is None:
         raise IcyMoonError("A part of the built scene is missing; render the pair again.")
+    if settings.lander.kind != "NONE":
+        warnings += find_contact(settings, now.site_m, now.terrain).advice()
     return Built(now.collection, now.terrain, now.sun, now.camera, now.settings, now.scene, tuple(warnings)), True

@@ -16,6 +16,8 @@ import bpy
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..physics import refused_scenes
+from ..physics.arm.parametric import JOINTS
 from ..physics.mesh import fine_relief
 from ..physics.mesh.grading import OF_THE_RIG
 from ..physics.mesh.height_map import HeightMap
@@ -30,11 +32,13 @@ from ..typed_settings import Settings
 from . import painted_errors
 from . import scene as scenes
 from .datablocks.blend_file_paths import with_absolute_files
-from .datablocks.fingerprint import TAG, instanced_objects
+from .datablocks.fingerprint import TAG, built_objects, instanced_objects
 from .ground.heights_under import probe_heights
 from .ground.rocks import build_rocks, parts_of
 from .ground.terrain_mesh import SPACING, fill_mesh, grid, leave_unmoved
 from .ground.user_ground import is_from_file
+from .lander.objects import ROLES as LANDER_ROLES
+from .lander.objects import build_lander, place_lander
 from .light.scene_lights import ROLES, change_lights, described_sky, settings_of_lights
 from .rig import place_rig
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
@@ -129,6 +133,7 @@ def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
             messages.append(_EDITED.format("camera"))
         else:
             _show_rig(built, settings, ground)
+    messages += _show_lander(built, settings, before, ground is not None)
     set_notes(built, messages)
     return ground is not None
 
@@ -281,6 +286,34 @@ def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
         scenes.free_names([item, item.data, *(slot.material for slot in item.material_slots)])
     built.remember(merged(built.settings, {"light": settings.light}), built.preview, "sun", *ROLES)
     return []
+
+
+def _show_lander(built: scenes.Built, settings: Settings, before: Settings, new_ground: bool) -> list[str]:
+    """Move the lander and its arm to those of ``settings``, or build it again; a sentence if it stays."""
+    there = settings.lander.kind != "NONE"
+    if changes.lander(settings) == changes.lander(before) and not (new_ground and there):
+        return []
+    if built.edited_parts("lander"):
+        return [_EDITED.format("lander")]
+    if reasons := list(refused_scenes.lander_reasons(settings)):
+        return [str(reason) for reason in reasons]
+    old = {role: item for role, item in built_objects(built.collection).items() if role in LANDER_ROLES.values()}
+    if there and old and not new_ground and _only_joints_differ(settings, before):
+        place_lander(old, settings, built.site_m)
+    else:
+        scenes.remove(list(old.values()))
+        for item in build_lander(settings, built.site_m, built.terrain) if there else []:
+            built.collection.objects.link(item)
+            scenes.free_names([item, item.data, *item.data.materials])
+    built.remember(merged(built.settings, {"lander": settings.lander, "arm": settings.arm}), built.preview, "lander")
+    return []
+
+
+def _only_joints_differ(settings: Settings, before: Settings) -> bool:
+    """Whether the lander keeps its shape and place, and only joints turn."""
+    turned = {("arm", f"{joint}{key}") for joint in JOINTS for key in ("_deg", "_offset_deg", "_low_deg", "_high_deg")}
+    now, then = changes.lander(settings), changes.lander(before)
+    return all((topic, key) in turned or now[topic][key] == then[topic].get(key) for topic in now for key in now[topic])
 
 
 def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -> None:

@@ -69,6 +69,9 @@ from .ground.terrain_mesh import (
 )
 from .ground.user_ground import UserGround, is_from_file, is_mesh, load_ground
 from .keep_references import is_owned_elsewhere, owned_blocks, replace_block, set_owned_blocks, update_object
+from .lander.contact import find_contact
+from .lander.objects import ROLES as LANDER_ROLES
+from .lander.objects import build_lander
 from .light.scene_lights import ROLES, build_lights, described_sky
 from .light.scene_lights import advice as light_advice
 from .light.sun_lamp import build_sky
@@ -105,7 +108,7 @@ __all__ = [
 ]
 
 #: Roles of the objects in a built collection.
-OBJECTS = ("terrain", "sun", "camera", "rock", *ROLES)
+OBJECTS = ("terrain", "sun", "camera", "rock", *ROLES, *LANDER_ROLES.values())
 
 
 def ground_of(settings: Settings) -> Terrain:
@@ -226,6 +229,9 @@ def _build_objects(settings: Settings, meshed: MeshedGround | None) -> tuple[
         rocks, rock_warnings = _build_rocks(settings, terrain, ground.size_m)
         objects.append(rocks)
         warnings += rock_warnings
+    if settings.lander.kind != "NONE":
+        objects += build_lander(settings, site_m, terrain)
+        warnings += find_contact(settings, site_m, terrain).advice()
     return objects, _tag(build_sky(f"{NAME} Sky"), "sky"), warnings, own, site_m
 
 

@@ -16,7 +16,11 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..typed_settings import RigSettings, RocksSettings, Settings
+from .arm.collisions import find_link_around
+from .arm.kinematics import beyond_limits
+from .arm.parametric import JOINTS, arm_of, real_rad
 from .camera.stereo_geometry import coarse_advice, ground_row
+from .light.directions import camera_axes
 from .light.sky import check_body, sky
 from .rocks.size_laws import size_law
 from .rocks.table import TABLE
@@ -70,7 +74,8 @@ def refuse(settings: Settings) -> None:
 
 def reasons_of_settings(settings: Settings) -> list[Reason]:
     """The reasons that are found without making the ground."""
-    return [*_ice_reasons(settings), *_rock_reasons(settings), *_sky_reasons(settings), *_lamp_reasons(settings)]
+    return [*_ice_reasons(settings), *_rock_reasons(settings), *_sky_reasons(settings), *_lamp_reasons(settings),
+            *lander_reasons(settings)]
 
 
 def scene_advice(settings: Settings) -> list[str]:
@@ -172,6 +177,25 @@ def _lamp_reasons(settings: Settings) -> Iterator[Reason]:
     if ("HAPKE" in models and backend != "NODES") or ("SNOW" in models and backend == "OSL"):
         yield Reason(f"{key} ({light.sun_distance_m:g} m): a law in OSL knows only a Sun that is far away; set "
                      "hapke.backend to NODES.", key, "hapke.backend")
+
+
+def lander_reasons(settings: Settings) -> Iterator[Reason]:
+    """Joints beyond their limits, and an arm around an eye, which would see only black."""
+    if settings.lander.kind == "NONE":
+        return
+    arm, joints, rig = arm_of(settings), real_rad(settings.arm), settings.rig
+    for k in beyond_limits(arm, joints):
+        name = arm.joints[k].name
+        low, high = settings.arm[f"{name}_low_deg"], settings.arm[f"{name}_high_deg"]
+        yield Reason(f"arm.{name}_deg puts the joint {name} at {math.degrees(joints[k]):.4g}°, fault included, but its "
+                     f"limits are {low:g}° to {high:g}°; turn it back, or change arm.{name}_low_deg or "
+                     f"arm.{name}_high_deg.",
+                     *(f"arm.{name}_{key}" for key in ("deg", "offset_deg", "low_deg", "high_deg")))
+    right = camera_axes(rig.heading_deg, rig.pitch_deg)[:, 0]
+    for eye, aside in (("left", 0.0), ("right", float(rig.baseline_m))):
+        if link := find_link_around(arm, joints, np.array([rig.x_m, rig.y_m, rig.height_m]) + aside * right):
+            yield Reason(f"The {eye} eye is inside the arm's {link.replace('_', ' ')}; turn the joints of the topic "
+                         "arm, or change rig.height_m.", *(f"arm.{name}_deg" for name in JOINTS), "rig.height_m")
 
 
 def reasons_of_eyes(ground: RockyGround, rigs: Sequence[RigSettings]) -> list[Reason | None]:

@@ -79,6 +79,8 @@ def why_not_baked(settings: Settings) -> str:
         return "the ground is not Lambert's (surface.model)"
     if settings.rocks.coverage > 0:
         return "there are rocks, whose instances have no light of their own (rocks.coverage)"
+    if settings.lander.kind != "NONE":
+        return "there is a lander, which is no part of the ground (lander.kind)"
     if light.planet or light.stars or light.directions_from != "ANGLES":
         return "the sky may have other lights than the Sun (light.planet, light.stars, light.directions_from)"
     return ""

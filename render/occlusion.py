@@ -35,10 +35,15 @@ def add_hidden(truth: Mapping[str, Path], between: Mapping[str, Sequence[np.ndar
 
 def read_disparity(data: bytes, camera: StereoCamera) -> np.ndarray:
     """Disparity (H, W), px, of the depth in an EXR file, NaN for sky. Raises what ``add_hidden`` does."""
+    return camera.disparity(read_depth(data))
+
+
+def read_depth(data: bytes) -> np.ndarray:
+    """Depth (H, W) in metres in an EXR file, NaN for sky. Raises what ``add_hidden`` does."""
     for piece in read_pieces(data):
         pixels = Pixels(piece)
         for k, name in enumerate(pixels.channels):
             if ".Depth." in name:
                 depth = pixels.decode()[:, k]
-                return camera.disparity(np.where((depth > 0) & (depth < SKY_DEPTH_M), depth, np.nan))
+                return np.where((depth > 0) & (depth < SKY_DEPTH_M), depth, np.nan)
     raise ValueError("no depth")

@@ -8,7 +8,7 @@ import struct
 import time
 import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -26,10 +26,13 @@ from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import join_files
 from ..formats.exr_pixels import drop_passes
 from ..labels import BEAUTY, TRUTH
+from ..nodes.datablocks.fingerprint import built_objects
+from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
 from ..nodes.rig import eye_poses, lens_values
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
+from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, blur_of
 from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
 from ..typed_settings import Settings
@@ -38,6 +41,7 @@ from .baked_light import Indirect
 from .cost.estimate import bytes_of, count_bytes_left
 from .cycles_errors import first_line
 from .ground_maps import make_heights, workspace_extent
+from .lander_record import lander_json
 from .object_labels import lend_labels
 from .pair_record import pair_json
 from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE, WORKSPACE_FILE, StereoCamera
@@ -85,20 +89,28 @@ def _triangle_count(built: Built) -> int:
 
 
 @contextmanager
-def _turn_camera(camera: bpy.types.Object, turn_deg: float) -> Iterator[None]:
-    """Turn the camera clockwise about the vertical through its left eye, and back at the end."""
+def _turn_camera(camera: bpy.types.Object, turn_deg: float, about: bpy.types.Object | None = None) -> Iterator[None]:
+    """Turn an object clockwise about the vertical through the left eye, and back at the end.
+
+    ``about`` is the camera if the object is another: the housing of the cameras.
+    """
     # A matrix put back is taken apart into other numbers, by a rounding error, and would pass for an edit.
     pose = {key: tuple(getattr(camera, key)) for key in ("location", "rotation_euler", "rotation_quaternion",
                                                          "rotation_axis_angle", "scale")}
     if turn_deg:
-        turn = Matrix.Rotation(-math.radians(turn_deg), 4, "Z")
-        camera.matrix_world = Matrix.Translation(camera.matrix_world.translation) @ turn @ Matrix.Translation(
-            -camera.matrix_world.translation) @ camera.matrix_world
+        turn, eye = Matrix.Rotation(-math.radians(turn_deg), 4, "Z"), (about or camera).matrix_world.translation
+        camera.matrix_world = Matrix.Translation(eye) @ turn @ Matrix.Translation(-eye) @ camera.matrix_world
     try:
         yield
     finally:
         for key, value in pose.items():
             setattr(camera, key, value)
+
+
+def _turn_head(built: Built, turn_deg: float) -> AbstractContextManager[None]:
+    """Turn what the cameras are in with them, if there is a lander."""
+    head = built_objects(built.collection).get(ROLES[HEAD])
+    return _turn_camera(head, turn_deg, built.camera) if head is not None else nullcontext()
 
 
 def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) -> None:
@@ -193,7 +205,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     files: dict[str, dict[str, Path]] = {}
     shares: dict[str, float] = {}
     start = time.perf_counter()
-    with _turn_camera(built.camera, planned.turn_deg):
+    with _turn_camera(built.camera, planned.turn_deg), _turn_head(built, planned.turn_deg):
         cycles_settings.apply(scene, quality, planned.render_seed, blur is not None, clear_rocks(settings))
         if indirect.light is not None:
             scene.cycles.max_bounces = 0
@@ -225,9 +237,10 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     written = {name: _merge_layers(layers, part / name) for name, layers in sorted(files.items())}
     if settings.workspace.cell_m > 0:
         written[WORKSPACE_FILE] = _fact_of(part / WORKSPACE_FILE)
-    return pair_json(built, planned, poses, toward_sun, written, {
+    return {**pair_json(built, planned, poses, toward_sun, written, {
         "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
-        "write": round(time.perf_counter() - start, 3)}, quality.denoiser, indirect.to_json(shares))
+        "write": round(time.perf_counter() - start, 3)}, quality.denoiser, indirect.to_json(shares)),
+        **lander_json(built, settings, poses, part)}
 
 
 def _write_workspace(path: Path, built: Built, scene: bpy.types.Scene, settings: Settings) -> None:

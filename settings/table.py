@@ -769,10 +769,10 @@ LANDER = Topic("lander", "Lander", "A lander whose mast carries the cameras, wit
 
 #: Joints of the arm: key, label, what its angle is, default, lowest and highest angle in degrees.
 _JOINTS = (
-    ("yaw", "Yaw", "turn of the whole arm to the left", -12.0, -105.0, 105.0),
-    ("shoulder", "Shoulder", "angle of the upper arm above the horizontal", 38.0, -30.0, 120.0),
-    ("elbow", "Elbow", "angle of the forearm upward from the line of the upper arm", -92.0, -165.0, 165.0),
-    ("wrist", "Wrist", "angle of the hand upward from the line of the forearm", -22.0, -150.0, 150.0),
+    ("yaw", "Yaw", "turn of the whole arm to the left", 30.0, -105.0, 105.0),
+    ("shoulder", "Shoulder", "angle of the upper arm above the horizontal", 30.0, -30.0, 120.0),
+    ("elbow", "Elbow", "angle of the forearm upward from the line of the upper arm", -75.0, -165.0, 165.0),
+    ("wrist", "Wrist", "angle of the hand upward from the line of the forearm", -45.0, -150.0, 150.0),
     ("roll", "Roll", "turn of the scoop about the line of the hand", 0.0, -180.0, 180.0),
 )
 

@@ -35,7 +35,7 @@ PURE = (
     "validation/polar", "validation", "commands", "library")
 WITH_BLENDER = (
     "compat", "scene_properties",
-    "nodes/tree", "nodes/datablocks", "nodes/light", "nodes/ground", "nodes/surface", "nodes",
+    "nodes/tree", "nodes/datablocks", "nodes/light", "nodes/ground", "nodes/surface", "nodes/lander", "nodes",
     "render", "preferences", "operators", "panels", "__init__", "__main__")
 FLOORS = {room: floor for floor, room in enumerate((*PURE, *WITH_BLENDER))}
 #: What only Blender has.

@@ -1,1 +1,1 @@
-"""The lander's arm: kinematics, reach and collisions."""
+"""The lander's arm: kinematics, reach, collisions, and the shape of the lander."""

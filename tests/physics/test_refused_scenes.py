@@ -177,3 +177,20 @@ def test_a_plan_sets_aside_what_is_refused_and_keeps_the_others(tmp_path):
     file.write_text(PLAN.replace("headings = 6", "headings = [0]"))
     with pytest.raises(IcyMoonError, match=r"line 8: .*right eye"):
         read_plan(file).pairs()
+
+
+def test_a_joint_beyond_its_limits_and_an_eye_in_the_arm_are_refused_only_with_a_lander():
+    there = {"lander": {"kind": "PARAMETRIC"}}
+    fault = {"arm": {"elbow_deg": 160.0, "elbow_offset_deg": 10.0}}
+    assert not list(refused_scenes.lander_reasons(complete(fault)))
+    reason, = refused_scenes.lander_reasons(complete(there, fault))
+    assert is_sentence(reason)
+    assert "the joint elbow at 170°" in reason
+    assert "arm.elbow_offset_deg" in reason.names
+    upright = {"arm": {"shoulder_deg": 90.0, "elbow_deg": 0.0, "wrist_deg": 0.0, "yaw_deg": 0.0, "shoulder_y_m": 0.1},
+               "rig": {"height_m": 1.3, "baseline_m": 0.2}}
+    assert not list(refused_scenes.lander_reasons(complete(there, upright)))
+    # The shoulder's axis is 0.1 m ahead of the yaw axis: it is now under the left eye.
+    found = list(refused_scenes.lander_reasons(complete(there, upright, {"arm": {
+        **upright["arm"], "shoulder_x_m": -0.1}})))
+    assert [text.split(" is ")[0] for text in found] == ["The left eye"]

@@ -1,0 +1,1 @@
+"""The lander: its materials and objects, and the pose of its arm."""

@@ -1,0 +1,64 @@
+"""What the arm touches: the ground as it is meshed, itself, the lander."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from ...physics.arm.collisions import Heights, find_self_collisions, ground_clearances_m, lines_of
+from ...physics.arm.lander_solids import body_capsules
+from ...physics.arm.parametric import arm_of, real_rad
+from ...physics.mesh.mesh_heights import MeshGround
+from ...typed_settings import Settings
+
+#: Margin in metres around the arm within which triangles of the ground are looked at.
+_MARGIN_M = 0.05
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Least height of each link above the ground in metres, negative inside it, and pairs of links that overlap."""
+
+    clearances_m: dict[str, float]
+    collisions: list[tuple[str, str]]
+
+    @property
+    def reached_ground(self) -> bool:
+        """Whether any link is at or in the ground."""
+        return any(height <= 0 for height in self.clearances_m.values())
+
+    def advice(self) -> list[str]:
+        """Sentences on links other than the scoop in the ground, a scoop deeper than itself, and overlaps."""
+        deep = {link: -height for link, height in self.clearances_m.items() if height < 0 and link != "scoop"}
+        said = [f"The arm's {link.replace('_', ' ')} is {depth:.2g} m inside the ground; raise arm.shoulder_deg or "
+                "change other joints." for link, depth in deep.items()]
+        return said + [f"The arm's {one.replace('_', ' ')} is in the {other.replace('_', ' ')}; change the joints of "
+                       "the topic arm." for one, other in self.collisions]
+
+
+def find_contact(settings: Settings, site_m: float, terrain: bpy.types.Object) -> Contact:
+    """What the arm of complete settings touches, on the triangles of the ground."""
+    arm, joints = arm_of(settings, site_m), real_rad(settings.arm)
+    ends = np.array([end for line in lines_of(arm, joints) for end in (line.start, line.end)])
+    heights = _heights_near(terrain, ends.min(axis=0)[:2] - _MARGIN_M, ends.max(axis=0)[:2] + _MARGIN_M)
+    return Contact(ground_clearances_m(arm, joints, heights),
+                   find_self_collisions(arm, joints, body_capsules(settings)))
+
+
+def _heights_near(terrain: bpy.types.Object, low: np.ndarray, high: np.ndarray) -> Heights:
+    """Heights of the highest triangle of the ground at points between two corners (2,); NaN where there is none."""
+    mesh = terrain.data
+    mesh.calc_loop_triangles()
+    places, corners = np.empty(3 * len(mesh.vertices), np.float32), np.empty(3 * len(mesh.loop_triangles), np.int32)
+    mesh.vertices.foreach_get("co", places)
+    mesh.loop_triangles.foreach_get("vertices", corners)
+    world = np.array(terrain.matrix_world)
+    points = places.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3]
+    triangles = corners.reshape(-1, 3)
+    inside = ((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)
+    if not inside.any():  # triangles wider than the arm
+        inside[:] = True
+    near = points[triangles[inside[triangles].any(axis=1)]]
+    return MeshGround(near.reshape(-1, 3), np.arange(3 * len(near)).reshape(-1, 3)).heights

@@ -1,0 +1,78 @@
+"""The lander's objects: one for each link, with a label of its own, and where the settings put it."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ...labels import FIRST_LINK_INSTANCE
+from ...physics.arm.kinematics import forward, pose
+from ...physics.arm.lander_solids import BODY, HEAD, head_solid, pad_centres, solids_of
+from ...physics.arm.parametric import arm_of, lander_pose, real_rad
+from ...physics.arm.solids import Solid
+from ...physics.light.directions import camera_axes
+from ...typed_settings import Settings
+from ..datablocks.fingerprint import NAME, TAG
+from ..ground.heights_under import probe_heights
+from ..ground.terrain_mesh import build_mesh_from_arrays
+from .materials import build_materials
+
+#: Property of the body: heights of the ground under the pads over that under the left camera, in metres.
+PADS = "icymoon_pads_m"
+_LINKS = (BODY, "turret", "upper_arm", "forearm", "hand", "scoop", HEAD)
+#: Role of the object of each link, and label of its instance.
+ROLES = {link: f"lander {link}" for link in _LINKS}
+INSTANCES = {link: FIRST_LINK_INSTANCE + k for k, link in enumerate(_LINKS)}
+
+def _find_pads_m(settings: Settings, site_m: float, terrain: bpy.types.Object) -> list[float]:
+    """Heights in metres of the ground's mesh under the left and the right pad over ``site_m``; 0 beside the ground."""
+    place = lander_pose(settings, 0.0)
+    spots = np.array([place @ [x, y, 0.0, 1.0] for x, y in pad_centres(settings.lander)])
+    with probe_heights(terrain) as height_at:
+        found = np.asarray(height_at(spots[:, 0], spots[:, 1]), float) - site_m
+    return [float(each) for each in np.nan_to_num(found, nan=0.0)]
+
+
+def build_lander(settings: Settings, site_m: float, terrain: bpy.types.Object) -> list[bpy.types.Object]:
+    """The objects of the lander, where the settings put them, with its pads on the ground. The caller links them."""
+    pads_m = _find_pads_m(settings, site_m, terrain)
+    materials = build_materials(settings.lander.frost_share)
+    solids = {**solids_of(settings, pads_m), HEAD: head_solid(settings)}
+    made = [_build_link(link, solids[link], materials) for link in _LINKS]
+    bpy.data.batch_remove([each for each in materials.values() if each.users == 0])
+    made[0][PADS] = pads_m
+    place_lander({item[TAG]: item for item in made}, settings, site_m)
+    return made
+
+
+def _build_link(link: str, solid: Solid, materials: dict[str, bpy.types.Material]) -> bpy.types.Object:
+    title = f"{NAME} Lander {link.replace('_', ' ').title()}"
+    mesh = build_mesh_from_arrays(title, solid.vertices.astype(np.float32), solid.triangles.astype(np.int32))
+    used = list(dict.fromkeys(solid.materials))
+    for name in used:
+        mesh.materials.append(materials[name])
+    mesh.polygons.foreach_set("material_index", np.array([used.index(name) for name in solid.materials], np.int32))
+    mesh.polygons.foreach_set("use_smooth", solid.smooth)
+    item = bpy.data.objects.new(title, mesh)
+    item[TAG], item.pass_index = ROLES[link], INSTANCES[link]
+    return item
+
+
+def link_poses(settings: Settings, site_m: float) -> dict[str, np.ndarray]:
+    """Pose (4, 4) in the world of each link's frame, in double precision."""
+    arm, rig = arm_of(settings, site_m), settings.rig
+    head = pose(camera_axes(rig.heading_deg, rig.pitch_deg), (rig.x_m, rig.y_m, site_m + rig.height_m))
+    return {BODY: lander_pose(settings, site_m), **dict(zip(arm.links, forward(arm, real_rad(settings.arm)),
+                                                            strict=True)), HEAD: head}
+
+
+def place_lander(objects: dict[str, bpy.types.Object], settings: Settings, site_m: float) -> None:
+    """Put the objects, by role, where the settings have them."""
+    for link, place in link_poses(settings, site_m).items():
+        objects[ROLES[link]].matrix_world = Matrix(place.tolist())
+
+
+def pads_of(body: bpy.types.Object) -> list[float]:
+    """Heights in metres of the ground under the pads over that under the left camera, of which the legs were made."""
+    return [float(each) for each in body[PADS]]

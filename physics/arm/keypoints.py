@@ -1,0 +1,51 @@
+"""Where points of the lander are in the images of both eyes, and whether they are seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from ...typed_settings import Settings
+from .lander_solids import keypoints_of
+
+
+def describe_keypoints(settings: Settings, pads_m: list[float], links: Mapping[str, np.ndarray],
+                       eyes: Mapping[str, np.ndarray], matrix: np.ndarray,
+                       depths: Mapping[str, np.ndarray]) -> list[dict[str, Any]]:
+    """The keypoints as ``pair.json`` has them.
+
+    ``links`` are the poses (4, 4) of the links in the world, ``eyes`` the camera-to-world matrices in OpenCV axes,
+    ``matrix`` (3, 3) that of both cameras with pixel centres at halves, ``depths`` the true depths (H, W) in metres,
+    NaN for sky. A point is visible if nothing is nearer at its pixel by more than its radius.
+    """
+    found = []
+    for name, link, place, radius in keypoints_of(settings, pads_m):
+        world = links[link][:3, :3] @ place + links[link][:3, 3]
+        entry: dict[str, Any] = {"name": name, "link": link, "position_m": world.tolist()}
+        for eye, pose in eyes.items():
+            pixel, depth = _project(world, pose, matrix)
+            entry[f"{eye}_px"] = pixel
+            entry[f"visible_{eye}"] = _is_seen(pixel, depth, radius, depths[eye])
+        found.append(entry)
+    return found
+
+
+def _project(world: np.ndarray, pose: np.ndarray, matrix: np.ndarray) -> tuple[list[float] | None, float]:
+    """Pixel (x, y) and depth of a point of the world; no pixel behind the eye."""
+    x, y, z = pose[:3, :3].T @ (world - pose[:3, 3])
+    if z <= 0:
+        return None, float(z)
+    u, v, w = matrix @ (x, y, z)
+    return [float(u / w), float(v / w)], float(z)
+
+
+def _is_seen(pixel: list[float] | None, depth: float, radius: float, depths: np.ndarray) -> bool:
+    if pixel is None:
+        return False
+    column, row = int(np.floor(pixel[0])), int(np.floor(pixel[1]))
+    if not (0 <= row < depths.shape[0] and 0 <= column < depths.shape[1]):
+        return False
+    there = float(depths[row, column])
+    return bool(np.isnan(there) or there >= depth - radius)

@@ -1,0 +1,277 @@
+"""The lander and its arm as solids, by link, in the frame of each link.
+
+A design of our own with the parts of published landers: a deck over a body in foil, legs with a shock absorber and two
+struts, round pads, a mast, an arm of composite tubes between metal joints, cables, a bucket with a blade. Sizes are
+settings; what is between them follows.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...typed_settings import ArmSettings, LanderSettings, Settings
+from .kinematics import Capsule, pose
+from .parametric import RADII_M
+from .solids import Solid, ball, box, join, lathe, moved, prism, rod
+
+#: Materials of the lander.
+METAL, BLACK, FOIL, WHITE, STEEL, TUBE = "metal", "black", "foil", "white", "steel", "tube"
+#: The part that does not move.
+BODY = "body"
+#: What the cameras are in, which turns with the rig.
+HEAD = "head"
+#: Thickness of the deck, and depth of the body under it, in metres.
+_PLATE_M, _BODY_M = 0.03, 0.3
+_ABOUT_Y = pose(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+_ABOUT_Z = pose(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0]))
+
+
+def solids_of(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dict[str, Solid]:
+    """The solid of each link by name: the body, then the links of the arm, each in its own frame.
+
+    ``pads_m`` are the heights of the ground under the left and the right pad over the level of the lander's frame.
+    """
+    arm = settings.arm
+    return {BODY: _body(settings, pads_m), "turret": _turret(arm), "upper_arm": _segment(arm.upper_m, 0.042, 0.075, 1),
+            "forearm": _segment(arm.fore_m, 0.034, 0.062, -1), "hand": _hand(arm), "scoop": _scoop(arm)}
+
+
+def pad_centres(lander: LanderSettings) -> tuple[tuple[float, float], tuple[float, float]]:
+    """(x, y) of the left and the right pad in the lander's frame, in metres."""
+    return (lander.pad_ahead_m, lander.pad_apart_m / 2), (lander.pad_ahead_m, -lander.pad_apart_m / 2)
+
+
+def _drum(material: str, radius: float, width: float, bevel: float = 0.012) -> Solid:
+    """The motor of a pitch joint: a drum about y."""
+    half = width / 2
+    return moved(lathe(material, [(-half, 0.0), (-half, radius - bevel), (bevel - half, radius), (half - bevel, radius),
+                                  (half, radius - bevel), (half, 0.0)]), _ABOUT_Y)
+
+
+def _joint(radius: float, width: float) -> list[Solid]:
+    """A drum with black caps and a ring of bolts."""
+    caps = [moved(_drum(BLACK, radius * 0.72, 0.02, 0.004), pose(place=(0.0, side * (width / 2 + 0.008), 0.0)))
+            for side in (-1, 1)]
+    bolts = [rod(STEEL, (radius * 0.86 * math.cos(t), side * (width / 2 - 0.001), radius * 0.86 * math.sin(t)),
+                 (radius * 0.86 * math.cos(t), side * (width / 2 + 0.005), radius * 0.86 * math.sin(t)), 0.005, sides=8)
+             for side in (-1, 1) for t in np.arange(8) * math.pi / 4]
+    return [_drum(METAL, radius, width), *caps, *bolts]
+
+
+def _turret(arm: ArmSettings) -> Solid:
+    offset = max(arm.offset_m, 1e-3)
+    below = min(0.22, arm.shoulder_z_m - 0.05)
+    drum = moved(lathe(METAL, [(-below, 0.0), (-below, 0.07), (-below + 0.01, 0.08), (-0.09, 0.08), (-0.075, 0.065),
+                               (-0.06, 0.065), (-0.05, 0.0)]), _ABOUT_Z)
+    band = moved(lathe(BLACK, [(-0.16, 0.0), (-0.16, 0.083), (-0.13, 0.083), (-0.13, 0.0)]), _ABOUT_Z)
+    cheeks = [box(METAL, (offset + 0.09, 0.014, 0.12), (offset / 2 + 0.005, side * 0.062, -0.005), 0.006)
+              for side in (-1, 1)]
+    floor = box(METAL, (offset + 0.05, 0.13, 0.03), (offset / 2 - 0.01, 0.0, -0.06), 0.006)
+    motors = [moved(_drum(BLACK, 0.045, 0.05), pose(place=(offset, side * 0.094, 0.0))) for side in (-1, 1)]
+    return join([drum, band, *cheeks, floor, *motors])
+
+
+def _segment(length: float, radius: float, joint: float, side: int) -> Solid:
+    """Upper arm or forearm: a joint, a composite tube between metal fittings, a cable with clamps, and a fork."""
+    width, inner = 1.45 * joint, joint * 1.05
+    end = length - inner
+    parts = [*_joint(joint, width if side > 0 else width * 0.9),
+             rod(METAL, (joint * 0.6, 0, 0), (inner + 0.07, 0, 0), radius * 1.35, radius * 1.08, 0.08),
+             rod(TUBE, (inner + 0.06, 0, 0), (end - 0.06, 0, 0), radius, sides=48),
+             rod(METAL, (end - 0.07, 0, 0), (end - 0.005, 0, 0), radius * 1.08, radius * 1.35, 0.08)]
+    fork = radius * 1.7
+    parts += [box(METAL, (inner + joint * 0.75, 0.012, joint * 1.25), (length - inner / 2 + joint * 0.1, s * fork, 0.0),
+                  0.006) for s in (-1, 1)]
+    parts.append(box(METAL, (0.02, 2 * fork, joint * 1.25), (end - 0.004, 0, 0), 0.005))
+    high = radius + 0.013
+    cable = [(inner - 0.02, 0.0, joint * 0.7), (inner + 0.07, 0.012 * side, high), (length * 0.5, 0.016 * side, high),
+             (end - 0.06, 0.012 * side, high), (length - 0.04, 0.02 * side, joint * 0.75)]
+    parts += [rod(BLACK, a, b, 0.009, bevel=0.0, sides=12) for a, b in itertools.pairwise(cable)]
+    parts += [moved(lathe(WHITE, [(-0.012, 0.0), (-0.012, radius + 0.004), (0.012, radius + 0.004), (0.012, 0.0)]),
+                    pose(place=(x, 0.0, 0.0))) for x in np.linspace(inner + 0.12, end - 0.12, 3)]
+    parts += [box(STEEL, (0.022, 0.03, 0.02), (x, 0.014 * side, high - 0.003), 0.003)
+              for x in np.linspace(inner + 0.12, end - 0.12, 3)]
+    return join(parts)
+
+
+def _hand(arm: ArmSettings) -> Solid:
+    length = arm.hand_m
+    parts = [*_joint(0.042, 0.075), box(METAL, (length * 0.6, 0.05, 0.052), (length * 0.42, 0.0, 0.0), 0.008),
+             rod(BLACK, (length * 0.55, 0, 0), (length * 0.94, 0, 0), 0.032), rod(STEEL, (length * 0.9, 0, 0),
+                                                                                (length, 0, 0), 0.02)]
+    parts.append(box(WHITE, (length * 0.34, 0.03, 0.012), (length * 0.4, 0.0, 0.031), 0.003))
+    return join(parts)
+
+
+def _plate(corners: Sequence[tuple[float, float]], y: float, thick: float, material: str = METAL) -> Solid:
+    """A flat plate with an outline of (x, z), between y - thick / 2 and y + thick / 2."""
+    # prism makes its outline in x and y, with z as the height.
+    turn = pose(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]))
+    return moved(prism(material, corners, -y - thick / 2, -y + thick / 2), turn)
+
+
+def _scoop(arm: ArmSettings) -> Solid:
+    """An open bucket with the back at z = 0, a rounded heel at the hand and a blade at the tip; it opens to -z."""
+    length, width, depth = arm.scoop_length_m, arm.scoop_width_m, arm.scoop_depth_m
+    thick = 0.03 * min(length, width, depth) + 0.001
+    heel = [(0.0, -depth), (0.0, -0.3 * depth), (0.12 * length, 0.0)]  # (x, z) of the rounded end
+    outline = [(0.0, -depth), (0.82 * length, -0.45 * depth), (0.88 * length, 0.0), (0.12 * length, 0.0),
+               (0.0, -0.3 * depth)]
+    sides = [_plate(outline, s * (width - thick) / 2, thick) for s in (-1, 1)]
+    walls = [_wall((x0, z0), (x1, z1), width - 2 * thick, thick) for (x0, z0), (x1, z1) in itertools.pairwise(heel)]
+    back = _wall((0.12 * length, 0.0), (0.9 * length, 0.0), width - 2 * thick, thick)
+    blade = box(STEEL, (0.3 * length, width * 1.02, thick), (0.85 * length, 0.0, -thick / 2), thick * 0.4)
+    teeth = [box(STEEL, (0.05 * length, width * 0.1, thick * 1.6), (0.965 * length, y, -thick / 2), thick * 0.4)
+             for y in np.linspace(-0.42, 0.42, 5) * width]
+    mount = [rod(METAL, (-0.02, 0.0, 0.0), (0.01, 0.0, 0.0), 0.03),
+             box(METAL, (0.02, width * 0.7, 0.35 * depth), (0.002, 0.0, -0.3 * depth), 0.003),
+             box(METAL, (0.5 * length, 0.012, 0.012), (0.4 * length, 0.0, 0.006), 0.003)]
+    return join([*sides, *walls, back, blade, *teeth, *mount])
+
+
+def _wall(start: tuple[float, float], end: tuple[float, float], width: float, thick: float) -> Solid:
+    """A plate across y between two points (x, z), inward of the line between them by its thickness."""
+    along = math.hypot(end[0] - start[0], end[1] - start[1])
+    angle = math.atan2(end[1] - start[1], end[0] - start[0])
+    c, s = math.cos(angle), math.sin(angle)
+    turned = pose(np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]]), (start[0], 0.0, start[1]))
+    return moved(box(METAL, (along, width, thick), (along / 2, 0.0, -thick / 2), 0.0005), turned)
+
+
+def _body(settings: Settings, pads_m: Sequence[float]) -> Solid:
+    lander, arm = settings.lander, settings.arm
+    front, half, top = lander.deck_front_m, lander.deck_width_m / 2, lander.deck_height_m
+    corner = 0.3 * half
+    outline = [(front, -half + corner), (front, half - corner), (front - corner, half), (front - 1.1, half),
+               (front - 1.4, half - corner), (front - 1.4, corner - half), (front - 1.1, -half),
+               (front - corner, -half)]
+    under = top - _PLATE_M
+    floor = max(under - _BODY_M, 0.3 * top)
+    parts = [prism(WHITE, outline, under, top, 0.008),
+             prism(FOIL, [(x * 0.93 - 0.01, y * 0.9) for x, y in outline], floor, under - 0.002, 0.0, 0.86)]
+    parts += _deck_parts(front, half, corner, top)
+    parts += _boom(arm, front, top)
+    parts += _mast(settings, top)
+    for (x, y), ground in zip(pad_centres(lander), pads_m, strict=True):
+        parts += _leg(lander, (x, y, ground - lander.pad_sink_m), (front, half, top, floor))
+    return join(parts)
+
+
+def _deck_parts(front: float, half: float, corner: float, top: float) -> list[Solid]:
+    """What stands on the deck: a rail, cables, boxes, a funnel for samples and a target for colours."""
+    y = half - corner - 0.02
+    rail = [rod(METAL, (front - 0.03, -y, top + 0.045), (front - 0.03, y, top + 0.045), 0.009, sides=16)]
+    rail += [rod(METAL, (front - 0.03, at, top - 0.005), (front - 0.03, at, top + 0.045), 0.007, sides=12)
+             for at in np.linspace(-y, y, 5)]
+    funnel = moved(lathe(METAL, [(0.0, 0.0), (0.0, 0.05), (0.05, 0.05), (0.1, 0.085), (0.104, 0.085), (0.06, 0.045),
+                                 (0.02, 0.0)]), pose(_ABOUT_Z[:3, :3], (front - 0.17, 0.32 * half, top)))
+    target = [box(BLACK, (0.12, 0.12, 0.012), (front - 0.13, -0.45 * half, top + 0.006), 0.003),
+              *(moved(lathe(name, [(0.0, 0.0), (0.0, 0.022), (0.016, 0.022), (0.016, 0.0)], 24), pose(
+                  _ABOUT_Z[:3, :3], (front - 0.13 + dx, -0.45 * half + dy, top)))
+                for name, dx, dy in ((WHITE, 0.03, 0.03), (FOIL, 0.03, -0.03), (METAL, -0.03, 0.03),
+                                     (TUBE, -0.03, -0.03)))]
+    boxes = [box(FOIL, (0.3, 0.34, 0.2), (front - 0.75, 0.5 * half, top + 0.1), 0.012),
+             box(BLACK, (0.22, 0.26, 0.12), (front - 0.7, -0.55 * half, top + 0.06), 0.008)]
+    return [*rail, funnel, *target, *boxes]
+
+
+def _boom(arm: ArmSettings, front: float, top: float) -> list[Solid]:
+    """What carries the arm's turret in front of the deck: two beams and a plate."""
+    x, y, low = arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m - min(0.22, arm.shoulder_z_m - 0.05)
+    back = min(front - 0.05, x - 0.1)
+    beams = [rod(METAL, (back, y + side * 0.14, top - 0.07), (x - 0.02, y + side * 0.05, low - 0.012), 0.024)
+             for side in (-1, 1)]
+    props = [rod(METAL, (back - 0.03, y + side * 0.12, max(top - 0.28, 0.1)), (x - 0.01, y + side * 0.045, low - 0.03),
+                 0.016) for side in (-1, 1)]
+    plate = moved(lathe(METAL, [(-0.03, 0.0), (-0.03, 0.085), (-0.024, 0.092), (0.0, 0.092), (0.0, 0.0)]),
+                  pose(_ABOUT_Z[:3, :3], (x, y, low)))
+    cable = [(back, y + 0.17, top + 0.012), (front + 0.02, y + 0.16, top + 0.004), (x - 0.12, y + 0.09, low + 0.03),
+             (x - 0.05, y + 0.06, low + 0.1)]
+    return [*beams, *props, plate, *(rod(BLACK, a, b, 0.011, bevel=0.0, sides=12)
+                                     for a, b in itertools.pairwise(cable))]
+
+
+def _mast(settings: Settings, top: float) -> list[Solid]:
+    """The mast under the cameras, behind both eyes."""
+    height = settings.rig.height_m - 0.17
+    if height < top + 0.1:
+        return []
+    back = -0.09
+    return [rod(METAL, (back, 0.0, top), (back, 0.0, top + 0.05), 0.075, 0.06),
+            rod(TUBE, (back, 0.0, top + 0.04), (back, 0.0, height), 0.035),
+            *(rod(METAL, (back, 0.0, z), (back, 0.0, z + 0.04), 0.04)
+              for z in np.linspace(top + 0.2, height - 0.05, 3))]
+
+
+def _leg(lander: LanderSettings, foot: tuple[float, float, float],
+         deck: tuple[float, float, float, float]) -> list[Solid]:
+    """A main leg with a shock absorber, two struts, and a round pad on a ball, with its sole at ``foot``."""
+    (x, y, z), (front, half, top, floor), side = foot, deck, math.copysign(1.0, foot[1])
+    r = lander.pad_diameter_m / 2
+    ankle = np.array([x, y, z + 0.45 * r + 0.02])
+    hip = np.array([front - 0.28, side * 0.93 * half, top - 0.09])
+    knee = hip + 0.6 * (ankle - hip)
+    parts = [rod(METAL, tuple(hip), tuple(knee), 0.036), rod(STEEL, tuple(knee), tuple(ankle), 0.024),
+             rod(BLACK, tuple(knee - 0.03 * (ankle - hip)), tuple(knee + 0.012 * (ankle - hip)), 0.042),
+             box(METAL, (0.12, 0.05, 0.14), tuple(hip), 0.01), ball(METAL, ankle, 0.04)]
+    low = max(floor + 0.04, 0.12)
+    for anchor in ((front - 0.05, side * 0.45 * half, low), (front - 0.75, side * 0.85 * half, low)):
+        parts += [rod(METAL, anchor, tuple(hip + 0.82 * (ankle - hip)), 0.018), ball(METAL, anchor, 0.03)]
+    dish = [(0.0, 0.0), (0.0, 0.55 * r), (0.05 * r, 0.7 * r), (0.24 * r, r), (0.3 * r, r), (0.32 * r, 0.95 * r),
+            (0.24 * r, 0.75 * r), (0.3 * r, 0.28 * r), (0.42 * r, 0.2 * r), (0.42 * r, 0.0)]
+    return [*parts, moved(lathe(METAL, dish, 56), pose(_ABOUT_Z[:3, :3], (x, y, z)))]
+
+
+def head_solid(settings: Settings) -> Solid:
+    """The housing of the cameras, in the axes of the left eye (x right, y down, z forward). It is behind both eyes."""
+    baseline = settings.rig.baseline_m
+    width = baseline + 0.14
+    parts = [box(WHITE, (width, 0.1, 0.13), (baseline / 2, 0.0, -0.105), 0.01),
+             box(METAL, (0.09, 0.1, 0.09), (baseline / 2, 0.09, -0.12), 0.008)]
+    parts += [rod(BLACK, (x, 0.0, -0.05), (x, 0.0, -0.02), 0.038) for x in (0.0, baseline)]
+    return join(parts)
+
+
+def body_capsules(settings: Settings) -> tuple[Capsule, ...]:
+    """Capsules around deck, legs and mast, in the frame of the arm's base, which the arm must not touch."""
+    lander, arm = settings.lander, settings.arm
+    front, half, top = lander.deck_front_m, lander.deck_width_m / 2, lander.deck_height_m
+    shoulder = np.array([arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m])
+    thick, found = 0.06, []
+    for x in np.arange(front - thick, front - 1.4, -2 * thick):
+        found.append(((x, -half + thick, top - thick), (x, half - thick, top - thick), thick))
+    for x, y in pad_centres(lander):
+        hip = (front - 0.28, math.copysign(0.93 * half, y), top - 0.09)
+        found += [(hip, (x, y, 0.1), 0.045), ((x, y, 0.0), (x, y, 0.05), lander.pad_diameter_m / 2)]
+    found.append(((-0.09, 0.0, top), (-0.09, 0.0, max(settings.rig.height_m - 0.1, top)), 0.05))
+    found.append(((-0.1, -0.15, settings.rig.height_m), (-0.1, 0.15, settings.rig.height_m), 0.1))
+
+    def local(point: Sequence[float]) -> tuple[float, float, float]:
+        x, y, z = np.asarray(point, float) - shoulder
+        return float(x), float(y), float(z)
+
+    return tuple(Capsule(-1, local(start), local(end), radius) for start, end, radius in found)
+
+
+#: Points on the links by name: the link, a place in its frame, and how far in metres the surface may be in front of it.
+def keypoints_of(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> list[tuple[str, str, np.ndarray, float]]:
+    """(name, link, place (3,) in the link's frame, radius) of the points whose pixels are recorded.
+
+    Joints are the middle of their drum, whose surface is up to the radius in front of it.
+    """
+    arm, lander = settings.arm, settings.lander
+    w, d, length = arm.scoop_width_m / 2, arm.scoop_depth_m, arm.scoop_length_m
+    points = [("shoulder", "upper_arm", (0.0, 0.0, 0.0), 0.1), ("elbow", "forearm", (0.0, 0.0, 0.0), 0.09),
+              ("wrist", "hand", (0.0, 0.0, 0.0), 0.07), ("hand_end", "hand", (arm.hand_m, 0.0, 0.0), RADII_M["hand"]),
+              ("tip", "scoop", (length, 0.0, 0.0), 0.01),
+              *((f"tip_{side}", "scoop", (length, sign * w, 0.0), 0.01) for side, sign in (("left", 1), ("right", -1))),
+              *((f"heel_{side}", "scoop", (0.0, sign * w, -d), 0.01) for side, sign in (("left", 1), ("right", -1)))]
+    points += [(f"pad_{side}", BODY, (x, y, z - lander.pad_sink_m + 0.42 * lander.pad_diameter_m / 2), 0.06)
+               for side, (x, y), z in zip(("left", "right"), pad_centres(lander), pads_m, strict=True)]
+    front, half, top = lander.deck_front_m, 0.7 * lander.deck_width_m / 2, lander.deck_height_m
+    points += [(f"deck_{side}", BODY, (front, sign * half, top), 0.01) for side, sign in (("left", 1), ("right", -1))]
+    return [(name, link, np.array(place), radius) for name, link, place, radius in points]

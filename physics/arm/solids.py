@@ -1,0 +1,142 @@
+"""Simple solids as triangles, of which the lander is made.
+
+Faces that meet at an edge have vertices of their own, so that smooth shading of a tube does not round its ends.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .kinematics import pose
+
+
+@dataclass(frozen=True)
+class Solid:
+    """Vertices (n, 3) in metres, triangles (m, 3) counter-clockwise from outside, and for each triangle the name of its
+    material and whether it is shaded smooth."""
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    materials: tuple[str, ...]
+    smooth: np.ndarray
+
+
+def moved(solid: Solid, at: np.ndarray) -> Solid:
+    """The solid after a rigid transformation (4, 4)."""
+    return Solid(solid.vertices @ at[:3, :3].T + at[:3, 3], solid.triangles, solid.materials, solid.smooth)
+
+
+def join(solids: Sequence[Solid]) -> Solid:
+    """One solid of several."""
+    starts = np.cumsum([0, *(len(solid.vertices) for solid in solids)])
+    return Solid(np.concatenate([solid.vertices for solid in solids]),
+                 np.concatenate([solid.triangles + start for solid, start in zip(solids, starts, strict=False)]),
+                 tuple(name for solid in solids for name in solid.materials),
+                 np.concatenate([solid.smooth for solid in solids]))
+
+
+def lathe(material: str, profile: Sequence[tuple[float, float]], sides: int = 40) -> Solid:
+    """What a profile of (x, radius), from low to high x where it is convex, sweeps about the x axis.
+
+    Each step of the profile is smooth around and has sharp edges. Start and end with radius 0 to close it.
+    """
+    angles = 2 * np.pi * np.arange(sides) / sides
+    ring = np.stack([np.zeros(sides), np.cos(angles), np.sin(angles)], axis=1)
+    after = np.roll(np.arange(sides), -1)
+    vertices, triangles = [], []
+    for (x0, r0), (x1, r1) in itertools.pairwise(profile):
+        start = len(vertices) * 2 * sides
+        vertices.append(np.concatenate([ring * r0 + [x0, 0, 0], ring * r1 + [x1, 0, 0]]))
+        a, b, c, d = np.arange(sides), after, after + sides, np.arange(sides) + sides
+        if r0 > 0:
+            triangles.append(start + np.stack([a, b, c], axis=1))
+        if r1 > 0:
+            triangles.append(start + np.stack([a, c, d], axis=1))
+    found = np.concatenate(triangles)
+    return Solid(np.concatenate(vertices), found, (material,) * len(found), np.ones(len(found), bool))
+
+
+def toward(start: Sequence[float], end: Sequence[float]) -> np.ndarray:
+    """A pose (4, 4) at ``start`` whose x axis points to ``end``."""
+    along = np.subtract(end, start)
+    x = along / np.linalg.norm(along)
+    side = np.cross([0.0, 0.0, 1.0] if abs(x[2]) < 0.95 else [0.0, 1.0, 0.0], x)
+    y = side / np.linalg.norm(side)
+    return pose(np.stack([x, y, np.cross(x, y)], axis=1), tuple(start))
+
+
+def rod(material: str, start: Sequence[float], end: Sequence[float], radius: float, end_radius: float | None = None,
+        bevel: float = 0.15, sides: int = 40) -> Solid:
+    """A round bar between two points; its ends are bevelled by a share of the radius."""
+    length, r1 = float(np.linalg.norm(np.subtract(end, start))), radius if end_radius is None else end_radius
+    b0, b1 = bevel * min(radius, length / 2), bevel * min(r1, length / 2)
+    profile = [(0.0, 0.0), (0.0, radius - b0), (b0, radius), (length - b1, r1), (length, r1 - b1), (length, 0.0)]
+    return moved(lathe(material, profile, sides), toward(start, end))
+
+
+def ball(material: str, centre: Sequence[float], radius: float, sides: int = 32) -> Solid:
+    """A sphere."""
+    turns = np.linspace(0.0, np.pi, 13)
+    profile = [(-radius * float(np.cos(t)), radius * float(np.sin(t)) if 0 < k < 12 else 0.0)
+               for k, t in enumerate(turns)]
+    return moved(lathe(material, profile, sides), pose(place=tuple(centre)))
+
+
+def box(material: str, size: Sequence[float], centre: Sequence[float] = (0.0, 0.0, 0.0),
+        bevel_m: float = 0.004) -> Solid:
+    """A box of these sides whose edges and corners are cut off."""
+    half = np.asarray(size, float) / 2
+    cut = min(bevel_m, float(half.min()) * 0.9)
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
+    # Of each corner three vertices, one on each of its three sides.
+    corners = np.stack([signs * np.where(np.arange(3) == k, half, half - cut) for k in range(3)], axis=1)
+    faces: list[list[tuple[int, int]]] = []
+    for k in range(3):
+        u, v = (k + 1) % 3, (k + 2) % 3
+        for sign in (-1, 1):
+            face = [(n, k) for n in range(8) if signs[n, k] == sign]
+            faces.append([face[0], face[1], face[3], face[2]])
+        for su in (-1, 1):
+            for sv in (-1, 1):  # the edge along k
+                ends = np.flatnonzero((signs[:, u] == su) & (signs[:, v] == sv))
+                faces.append([(ends[0], u), (ends[1], u), (ends[1], v), (ends[0], v)])
+    faces += [[(n, 0), (n, 1), (n, 2)] for n in range(8)]
+    return moved(_flat(material, [np.array([corners[each] for each in face]) for face in faces]),
+                 pose(place=tuple(centre)))
+
+
+def _flat(material: str, faces: Sequence[np.ndarray]) -> Solid:
+    """A convex solid around the origin of flat faces (k, 3) with vertices of their own, turned outward."""
+    vertices, triangles, start = [], [], 0
+    for face in faces:
+        normal = np.cross(face[1] - face[0], face[2] - face[0])
+        outward = face if normal @ face.mean(axis=0) > 0 else face[::-1]
+        vertices.append(outward)
+        triangles += [(start, start + k, start + k + 1) for k in range(1, len(face) - 1)]
+        start += len(face)
+    return Solid(np.concatenate(vertices), np.array(triangles), (material,) * len(triangles),
+                 np.zeros(len(triangles), bool))
+
+
+def prism(material: str, outline: Sequence[tuple[float, float]], low: float, high: float, bevel_m: float = 0.0,
+          low_scale: float = 1.0) -> Solid:
+    """A convex outline of (x, y), counter-clockwise from above, from ``low`` to ``high`` z.
+
+    Its upper edge is cut off by a bevel. The lower end is ``low_scale`` times as large, about the mean of the outline.
+    """
+    top = np.asarray(outline, float)
+    middle = top.mean(axis=0)
+    inner = middle + (top - middle) * (1.0 - bevel_m / float(np.linalg.norm(top - middle, axis=1).min()))
+    levels = [(middle + (top - middle) * low_scale, low), (top, high - bevel_m), (inner, high)]
+    rings = [np.column_stack([xy, np.full(len(top), z)]) for xy, z in (levels if bevel_m else [levels[0], levels[1]])]
+    centre = np.array([*middle, (low + high) / 2])
+    faces = [rings[0] - centre, rings[-1] - centre]
+    for one, other in itertools.pairwise(rings):
+        for k in range(len(top)):
+            n = (k + 1) % len(top)
+            faces.append(np.array([one[k], one[n], other[n], other[k]]) - centre)
+    return moved(_flat(material, faces), pose(place=tuple(centre)))

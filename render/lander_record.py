@@ -1,0 +1,66 @@
+"""What ``pair.json`` contains of the lander: poses of its links in both eyes, joints, contact, keypoints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..nodes.built_scene import Built
+from ..nodes.datablocks.fingerprint import built_objects
+from ..nodes.lander.contact import find_contact
+from ..nodes.lander.objects import INSTANCES, ROLES, link_poses, pads_of
+from ..physics.arm.keypoints import describe_keypoints
+from ..physics.arm.lander_solids import BODY, HEAD
+from ..physics.arm.parametric import JOINTS, commanded_rad, real_rad
+from ..typed_settings import Settings
+from .occlusion import read_depth
+from .pairs.pair_folder import EYES, TRUTH_FILE, StereoCamera
+
+#: Metres and sines by which the pose of an object may differ from that of the settings before it counts as moved by
+#: hand: Blender stores single precision.
+_ROUNDING = 2e-5
+
+
+def lander_json(built: Built, settings: Settings, poses: Mapping[str, np.ndarray], folder: Path) -> dict[str, Any]:
+    """The part "lander" of ``pair.json``, or nothing if there is no lander.
+
+    ``poses`` are the camera-to-world matrices of the rectified eyes, ``folder`` that of the pair's images. Lengths are
+    metres, cameras have OpenCV's axes.
+    """
+    objects = {role: item for role, item in built_objects(built.collection).items() if role in ROLES.values()}
+    if settings.lander.kind == "NONE" or not objects:
+        return {}
+    links = _real_poses(objects, settings, built.site_m)
+    links.pop(HEAD, None)  # the cameras are in it
+    camera, contact = StereoCamera.from_settings(settings.rig), find_contact(settings, built.site_m, built.terrain)
+    pads_m = pads_of(objects[ROLES[BODY]])
+    matrix = np.array([[camera.focal_px, 0.0, camera.cx_px], [0.0, camera.focal_px, camera.cy_px], [0.0, 0.0, 1.0]])
+    keypoints = describe_keypoints(settings, pads_m, links, poses, matrix, {
+        eye: read_depth(_truth_file(folder, eye).read_bytes()) for eye in EYES})
+    return {"lander": {
+        "links": [{"name": link, "instance": INSTANCES[link],
+                   **{f"link_to_{eye}": (np.linalg.inv(poses[eye]) @ pose).tolist() for eye in EYES}}
+                  for link, pose in links.items()],
+        "joints": list(JOINTS), "joints_deg": np.degrees(real_rad(settings.arm)).tolist(),
+        "commanded_deg": np.degrees(commanded_rad(settings.arm)).tolist(), "pads_m": pads_m,
+        "reached_ground": contact.reached_ground, "collisions": [list(pair) for pair in contact.collisions],
+        "clearance_m": {link: (None if np.isnan(height) else height) for link, height in contact.clearances_m.items()},
+        "keypoints": keypoints}}
+
+
+def _truth_file(folder: Path, eye: str) -> Path:
+    apart = folder / TRUTH_FILE.format(eye)
+    return apart if apart.exists() else folder / f"{eye}.exr"
+
+
+def _real_poses(objects: Mapping[str, Any], settings: Settings, site_m: float) -> dict[str, np.ndarray]:
+    """Poses of the links: in double precision from the settings, unless the user has moved the object."""
+    found = {}
+    for link, pose in link_poses(settings, site_m).items():
+        if ROLES[link] in objects:
+            there = np.array(objects[ROLES[link]].matrix_world)
+            found[link] = pose if np.abs(there - pose).max() < _ROUNDING else there
+    return found
