@@ -36,17 +36,19 @@ OPENINGS = {"decisions.jsonl": b'{"pair": ', "decisions.csv": b"pair,method,stat
 #: Most pairs whose maps the page contains.
 MOST_PAIRS = 12
 _MM = 1000.0
+#: Share of the ground in reach that is hardly any of it: what a smaller part of it is tells little.
+_HARDLY = 0.005
 #: The numbers of a row, by their path in it: the columns of the tables.
 DEM = (Column("dem.bias_m", "Bias", "mm", 1, "mean height error of the cells in reach that the left image shows"),
        Column("dem.rmse_m", "RMSE", "mm", 1, "root mean square height error"),
        Column("dem.nmad_m", "NMAD", "mm", 1, "1.4826 times the median distance from the median error"),
        Column("dem.le90_m", "LE90", "mm", 1, "90 % of the heights are this near to the truth"),
        Column("dem.completeness", "Known", "%", 1, "share of these cells with a height"),
-       Column("dem.reached_completeness", "of all in reach", "%", 1, "share of all cells in reach with a height"),
+       Column("dem.reached_completeness", "Known in reach", "%", 1, "share of all cells in reach with a height"),
        Column("dem.slope_rmse_deg", "Slope", "°", 2, "root mean square error of the slope under the footprint"),
        Column("dem.roughness_rmse_m", "Roughness", "mm", 1, "root mean square error of the roughness"))
 SITES = (Column("sites.taken", "Taken", "%", 1, "share of the cells in reach that are taken for safe"),
-         Column("sites.false_safe", "of these unsafe", "%", 1, "of the cells taken for safe, those that are not"),
+         Column("sites.false_safe", "Of these unsafe", "%", 1, "of the cells taken for safe, those that are not"),
          Column("sites.safe_lost", "Safe lost", "%", 1, "of the safe cells, those that are not taken"),
          Column("sites.average_precision", "AP", "", 2, "average precision of the margin; a coin has the base rate"),
          Column("sites.roc_area", "ROC area", "", 2, "area under the ROC curve; 0.5 for a coin"),
@@ -174,8 +176,10 @@ def _head(entry: Mapping[str, Any], sun: str) -> str:
     scenes = f"{entry['scenes']} scene{'' if entry['scenes'] == 1 else 's'}"
     lost = entry["sites.safe_lost"]
     unsafe = entry["sites.false_safe"]
-    if unsafe is None:
-        return f"With {name}{sun}, no site looks safe on {scenes}."
+    if unsafe is None or entry["sites.taken"] < _HARDLY:
+        much = "no" if unsafe is None else "hardly any"
+        there = "" if entry["base_rate"] is None else f", although {_of_100(entry['base_rate'])} of 100 are safe"
+        return f"With {name}{sun}, {much} site looks safe{there} ({scenes})."
     return (f"With {name}{sun}, {_of_100(unsafe)} of 100 sites that look safe are not"
             f"{'' if lost is None else f', and {_of_100(lost)} of 100 safe ones are lost'}; the site that it would "
             f"choose is unsafe in {entry['unsafe_chosen']} of {entry['chosen']} pairs ({scenes}).")
@@ -246,8 +250,10 @@ def format_cell(entry: Mapping[str, Any], column: Column) -> str:
 
 def _bounds(entry: Mapping[str, Any], column: Column) -> str:
     factor = _MM if column.unit == "mm" else 1.0
-    return format_interval([None if bound is None else factor * bound for bound in entry["intervals"][column.key]],
-                           column)
+    low, high = (None if bound is None else factor * bound for bound in entry["intervals"][column.key])
+    if column.unit == "%" and low is not None and high is not None:  # Student's t knows no ends of shares
+        low, high = max(low, 0.0), min(high, 1.0)
+    return format_interval([low, high], column)
 
 
 def _pair_section(fact: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], out: Path) -> dict[str, Any]:

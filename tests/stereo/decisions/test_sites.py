@@ -32,12 +32,17 @@ def scene(height):
     return dem, np.full(height.shape, 90.0), np.ones(height.shape)
 
 
+def layers_of(height):
+    dem, margin, lit = scene(height)
+    return measure_layers(dem, margin, lit, RULE)
+
+
 def level():
     return np.zeros((SIZE, SIZE))
 
 
 def test_level_ground_is_safe_but_for_its_border():
-    sites = judge(measure_layers(*scene(level()), RULE), RULE)
+    sites = judge(layers_of(level()), RULE)
     assert sites.safe[10:-10, 10:-10].all()
     assert (sites.failed[0] == UNKNOWN).all()
     # The known share is the least margin there: 0.1 of 0.9.
@@ -67,7 +72,7 @@ def test_each_rule_fails_where_it_is_broken():
 def test_a_rock_of_a_cell_is_kept_away_from_by_its_distance():
     height = level()
     height[80, 80] = 0.04
-    sites = judge(measure_layers(*scene(height), RULE), RULE)
+    sites = judge(layers_of(height), RULE)
     row, column = np.mgrid[:SIZE, :SIZE]
     far = CELL * np.hypot(row - 80, column - 80)
     inside = (slice(10, -10), slice(10, -10))
@@ -86,7 +91,7 @@ def test_rocks_are_found_on_slopes_and_their_ground_is_not(slope):
 def test_a_lower_rule_takes_no_more_cells():
     random = np.random.default_rng(5)
     height = level() + random.normal(0, 0.004, (SIZE, SIZE)) + 0.1 * np.sin(np.mgrid[:SIZE, :SIZE][0] / 9)
-    layers = measure_layers(*scene(height), RULE)
+    layers = layers_of(height)
     wide = judge(layers, RULE).safe
     for key, value in (("slope_deg", 8.0), ("roughness_m", 0.004), ("rock_distance_m", 0.3), ("known_share", 1.0)):
         strict = judge(layers, replace(RULE, **{key: value})).safe
@@ -95,7 +100,7 @@ def test_a_lower_rule_takes_no_more_cells():
 
 
 def test_the_choice_is_the_best_and_of_equals_the_nearest_to_the_middle():
-    sites = judge(measure_layers(*scene(level()), RULE), RULE)
+    sites = judge(layers_of(level()), RULE)
     assert choose(sites, np.ones((SIZE, SIZE), bool)) == (79, 79)
     best = replace(sites, margin=sites.margin.copy())
     best.margin[30, 40] = 0.5
