@@ -28,7 +28,7 @@ UNKNOWN, STEEP, ROUGH, ROCKS, REACH, DARK = (1 + RULES.index(name) for name in (
 
 def scene(height):
     """The sites of heights on a square, all in reach and in light."""
-    dem = Dem(Grid(CELL, *height.shape, 0.0, 0.0), height, np.isfinite(height).astype(int))
+    dem = Dem(Grid(CELL, height.shape[0], height.shape[1], 0.0, 0.0), height, np.isfinite(height).astype(int))
     return dem, np.full(height.shape, 90.0), np.ones(height.shape)
 
 
