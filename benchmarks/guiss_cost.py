@@ -5,11 +5,11 @@
 The snow of the paper (Ramchander Bhaskara et al., "Icy Moon Surface Simulation and Stereo Depth Estimation for Sampling
 Autonomy", IEEE Aerospace Conference 2024) on ground of its terrain function, seen by its camera at 640 x 480 px. The
 first row has the settings of its public code: a separate render for each eye, 16 samples, 100 bounces, subsurface
-scattering, and a denoiser that cleans all its guides. Each row below changes one more setting, and the last row has the
-settings that we would choose. All rows have the same ground and material, unless the name of a row tells otherwise.
+scattering, and a denoiser that cleans all its guides. Each row below changes one more setting. All rows have the same ground and material, unless the name of a row tells otherwise.
 
 Cost is processor seconds of all threads: ``first`` for a process that renders one pair (start, build, pair), ``more``
-for each further pair of the same process. The first row renders only its two images and one depth. All others also
+for each further pair of the same process. Baked light is in ``first`` whole, and in ``more`` divided by ``--images``
+that have the ground and the Sun in common. The first row renders only its two images and one depth. All others also
 render exact depth, normals and labels of both eyes. SGBM, StereoBM and JPLV are compared with the exact disparity where
 both eyes see: coverage, mean error, share wrong by more than 1 px, share wrong or missing. A row with more coverage
 includes harder pixels. So each row also shows its increase over the first, ± a standard error (jackknife over tiles):
@@ -91,8 +91,15 @@ def ladder() -> list[Rung]:
             Rung("truth is depth only", depth),
             Rung("Lambert, same albedo", plain),
             Rung("relief for the camera alone", camera),
+            *(Rung(f"light baked by {most}, {n} direct samples", _with_quality(camera, {
+                "indirect": "BAKED", "bake_samples": most, "bake_noise": 0.0, "direct_samples": n}))
+              for most, n in ((64, 4), (256, 2), (256, 4))),
             Rung("graded mesh of 4 px: finer ground", {
                 **camera, "mesh": {"kind": "GRADED", "error_px": 4.0, "edge_px": 24.0}})]
+
+
+def _with_quality(parts: Parts, quality: dict[str, Any]) -> Parts:
+    return {**parts, "quality": {**parts["quality"], **quality}}
 
 
 def snow(scale: float) -> Settings:
@@ -133,9 +140,11 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
     made = []
     for k, pair in enumerate(pairs):
         folder = pair.folder(Path(job["dataset"]))
-        cost = json.loads((folder / "pair.json").read_text())["cpu_seconds"]
+        stated = json.loads((folder / "pair.json").read_text())
+        cost, indirect = stated["cpu_seconds"], stated.get("indirect", {})
         # The paper's code writes neither truth nor these files.
-        made.append({"folder": str(folder), "before": cost["before"],
+        made.append({"folder": str(folder), "before": cost["before"], "bake": indirect.get("cpu_seconds_of_bake", 0.0),
+                     "noise": indirect.get("noise", 0.0), "share": indirect.get("share", 0.0),
                      "pair": apart.costs[k] if rung.apart else cost["pair"]})
     return made
 
@@ -225,13 +234,15 @@ def against(pairs: Sequence[Errors], first: Sequence[Errors], label: str) -> dic
 
 
 def measured(pairs: Sequence[Mapping[str, Any]], found: Sequence[Errors], first: Sequence[Errors],
-             best: Any) -> dict[str, Any]:
-    """Costs and errors of a row; ``best`` is the render of many samples of its first pair."""
+             best: Any, images: int) -> dict[str, Any]:
+    """Costs and errors of a row; ``best`` is the render of many samples of its first pair. ``images`` share a bake."""
     from icymoon.stereo.trade.losses import STEREO, measure, stereo_numbers
 
     costs = [pair["pair"] for pair in pairs]
+    bake = pairs[0]["bake"]
     row: dict[str, Any] = {
-        "first": pairs[0]["before"] + costs[0], "more": float(np.mean(costs[1:] or costs)),
+        "first": pairs[0]["before"] + bake + costs[0], "bake": bake,
+        "more": float(np.mean(costs[1:] or costs)) + bake / images,
         "stereo": {label: dict(zip(STEREO, np.mean([stereo_numbers(each.tallies[label].sum(axis=0)) for each in found],
                                                    axis=0).tolist(), strict=True)) for label in found[0].off},
         "against": {label: against(found, first, label) for label in found[0].off} if found is not first else {}}
@@ -288,7 +299,7 @@ def main(options: argparse.Namespace, out: Path) -> None:
         pairs = rendered(rung, settings, out / f"rung{k}")
         found = [errors(Path(pair["folder"]), methods) for pair in pairs]
         first = first or found
-        rows[rung.name] = row = measured(pairs, found, first, best)
+        rows[rung.name] = row = measured(pairs, found, first, best, options.images)
         most = most or row["more"]
         print(shown(rung.name, row, most), flush=True)
     (out / "rows.json").write_text(json.dumps(rows, indent=1))
@@ -305,6 +316,7 @@ if __name__ == "__main__":
     parser.add_argument("--pairs", type=int, default=2, help="pairs per row, each with its own heading")
     parser.add_argument("--reference-samples", type=int, default=128,
                         help="samples of the render that radiance is compared with; 0: none")
+    parser.add_argument("--images", type=int, default=36, help="images of a ground under one Sun, which share a bake")
     parser.add_argument("--only", nargs="*", default=[], help="rows whose name contains one of these")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()

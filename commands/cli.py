@@ -137,6 +137,13 @@ def _make_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _parse_count(text: str) -> int:
+    """A number from 1 on. Raises ValueError for anything else."""
+    if int(text) < 1:
+        raise ValueError(text)
+    return int(text)
+
+
 def _add_bench_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--methods", default="sgbm,bm,jplv", help="matchers, separated by commas (%(default)s)")
     parser.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
@@ -144,6 +151,9 @@ def _add_bench_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--reference-samples", type=int, default=1024,
                         help="light paths per pixel of the reference (%(default)s)")
     parser.add_argument("--scale", type=float, default=1.0, help="share of the image's width and height (%(default)s)")
+    parser.add_argument("--images", type=_parse_count, default=1, metavar="N",
+                        help="images of the ground under this Sun, which share what it takes to bake its light "
+                        "(%(default)s)")
     parser.add_argument("--out", type=as_path, required=True, help="folder for renders and report")
 
 
@@ -254,7 +264,7 @@ def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], 
     with report_errors(options.json_lines), told as on_event:
         view = description.merged(_read_settings(options), {"dataset": {"headings": 1}})
         found = work(Bench(scaled_view(view, options.scale), options.out.absolute(), options.blender, options.methods,
-                           options.reference_samples, repeats, on_event, tuple(options.own)))
+                           options.reference_samples, repeats, on_event, tuple(options.own), options.images))
     if options.json_lines:
         emit("result", **found)
     else:

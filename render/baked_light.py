@@ -47,12 +47,13 @@ _WAIT_S = 0.5
 @dataclass(frozen=True)
 class Indirect:
     """How the indirect light of a pair is made: baked ``light`` in a ``file`` of the data set, or traced if there is
-    none, and why if the settings ask for baked light."""
+    none, and why if the settings ask for baked light. ``spent_s`` are processor seconds that it took just now."""
 
     light: BakedLight | None = None
     file: str = ""
     sha256: str = ""
     why_traced: str = ""
+    spent_s: float = 0.0
 
     def to_json(self, shares: dict[str, float]) -> dict[str, Any] | None:
         """What ``pair.json`` states, with the share of baked light in the images by eye; None if nothing was asked."""
@@ -77,19 +78,20 @@ def provide(built: Built, scene: bpy.types.Scene, settings: Settings, dataset: P
     mesh = built.terrain.data
     key = key_of(built, settings)
     path = baked_file.path_of(dataset, key)
-    found = baked_file.read(path, key, len(mesh.vertices))
+    found, spent = baked_file.read(path, key, len(mesh.vertices)), 0.0
     while found is None:
         with claims.hold(key) as mine:
             # It may have been written meanwhile.
             found = baked_file.read(path, key, len(mesh.vertices))
             if mine and found is None:
                 found = bake(built.terrain, scene, settings)
+                spent = found.cpu_seconds
                 baked_file.write(path, key, found)
         if found is None:
             claims.report_progress()
             time.sleep(_WAIT_S)
     _show(mesh, found.values)
-    return Indirect(found, path.relative_to(dataset).as_posix(), sha256(path))
+    return Indirect(found, path.relative_to(dataset).as_posix(), sha256(path), spent_s=spent)
 
 
 def _why_edited(built: Built) -> str:

@@ -12,11 +12,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...physics.scene_requirements import follows_walk, relief_of_camera_alone, surface_topics, walk_px
+from ...physics.scene_requirements import (
+    follows_walk,
+    is_baked,
+    relief_of_camera_alone,
+    surface_topics,
+    walk_px,
+    why_not_baked,
+)
 from ...physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from ...physics.surfaces.photometry import hemispherical_albedo
 from ...settings.description import merged
 from ...typed_settings import Settings
+from ..plans.indirect import bake_seconds
 from .abilities import Abilities, lack_for
 from .estimate import work_of
 
@@ -26,6 +34,7 @@ GROUPS = {
     "samples": "samples per pixel, with and without a denoiser",
     "bounces": "maximum number of diffuse bounces",
     "threshold": "more samples only for pixels that are still noisy",
+    "indirect": "light between parts of the ground, traced in every image or baked once for all",
     "shortcuts": "parts that may be left out: subsurface scattering, fine relief for rays other than the camera's, "
                  "labels and normals",
     "subsurface": "model of subsurface scattering",
@@ -43,7 +52,10 @@ _BOUNCES = (0, 1, 2, 3, 4, 8, 16)
 _THRESHOLDS = (0.2, 0.1, 0.05, 0.02, 0.01)
 #: Maximum number of samples with a noise threshold, as a multiple of the scene's own.
 _THRESHOLD_ROOM = 4
+#: Samples of direct light, and of the bake, with which light is baked.
+_DIRECT_SAMPLES, _BAKE_SAMPLES = (1, 2, 4, 9), (64, 256)
 _MESH_ERRORS_PX = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+_TRACED = {"indirect": "TRACED"}
 _DENOISERS = {"NONE": "", "OIDN": ", denoised", "OIDN_COLOUR": ", denoised by colour"}
 #: Maximum of ``quality.walk_px``.
 _LONGEST_WALK_PX = 100.0
@@ -82,7 +94,7 @@ def reference(settings: Settings, samples: int = 1024, fine: bool = False) -> Va
         raise IcyMoonError(f"A reference cannot have {samples} samples, half of them in each of two renders; choose 2 "
                            f"to {_REFERENCE_MOST}.")
     parts: list[dict[str, dict[str, Any]]] = [{"quality": {
-        "samples": samples // 2, "denoiser": "NONE", "noise_threshold": 0.0, "fine_relief": "ALL",
+        "samples": samples // 2, "denoiser": "NONE", "noise_threshold": 0.0, "fine_relief": "ALL", "indirect": "TRACED",
         "diffuse_bounces": max(_REFERENCE_BOUNCES, int(settings.quality.diffuse_bounces))}}]
     if settings.surface.model == "HAPKE":
         parts.append({"hapke": {"accuracy": "REFERENCE"}})
@@ -121,14 +133,17 @@ def _variants_of(group: str, settings: Settings) -> list[Variant]:
         return Variant(group, name, merged(settings, part))
 
     if group == "samples":
-        return [variant(f"{_counted(n, 'sample')}{text}", {"quality": {"samples": n, "denoiser": denoiser}})
+        return [variant(f"{_counted(n, 'sample')}{text}", {"quality": {"samples": n, "denoiser": denoiser, **_TRACED}})
                 for denoiser, text in _DENOISERS.items() for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
     if group == "bounces":
-        return [variant(_counted(n, "bounce"), {"quality": {"diffuse_bounces": n}}) for n in _BOUNCES]
+        return [variant(_counted(n, "bounce"), {"quality": {"diffuse_bounces": n, **_TRACED}}) for n in _BOUNCES]
     if group == "threshold":
         most = _THRESHOLD_ROOM * samples
-        return [variant(f"until {limit:g}", {"quality": {"noise_threshold": limit, "samples": most}})
+        return [variant(f"until {limit:g}", {"quality": {"noise_threshold": limit, "samples": most, **_TRACED}})
                 for limit in _THRESHOLDS]
+    if group == "indirect":
+        baked = [Variant(group, name, each) for name, each in baked_settings(settings).items()]
+        return [variant("traced", {"quality": _TRACED}), *baked] if baked else []
     if group == "mesh":
         return [variant(f"{error:g} px", {"mesh": {"error_px": error}})
                 for error in _MESH_ERRORS_PX] if _has_graded_mesh(settings) else []
@@ -154,6 +169,14 @@ class _Shortcut:
     full: Any
     without: str
     whole: str
+
+
+def baked_settings(settings: Settings) -> dict[str, Settings]:
+    """The ways to bake the light of a scene, by name; none if it cannot be baked."""
+    return {} if why_not_baked(settings) else {
+        f"baked by {_counted(most, 'sample')}, {_counted(n, 'direct sample')}": merged(settings, {"quality": {
+            "indirect": "BAKED", "bake_samples": most, "bake_noise": 0.0, "direct_samples": n}})
+        for most in _BAKE_SAMPLES for n in _DIRECT_SAMPLES}
 
 
 def _shortcuts(settings: Settings) -> list[_Shortcut]:
@@ -214,15 +237,27 @@ def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
             "filling_factor": 0.0, "h_function": "2002", "accuracy": "FAST"}
 
 
-def candidates(settings: Settings, able: Abilities = _ALL) -> list[Variant]:
+def candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> list[Variant]:
     """Ways to compute the light, cheapest first by what each is expected to cost: for a search that stops at the first
-    one that is good enough. Left out are those that a Blender that is no more than ``able`` cannot render."""
+    one that is good enough. Left out are those that a Blender that is no more than ``able`` cannot render.
+
+    ``images`` are those of a ground under one Sun, which share what it takes to bake its light; one image alone is
+    never baked.
+    """
     found = [Variant("auto", f"{_counted(n, 'sample')}{text}", merged(settings, {"quality": {
-        "samples": n, "denoiser": denoiser, "noise_threshold": 0.0}}))
+        "samples": n, "denoiser": denoiser, "noise_threshold": 0.0, **_TRACED}}))
         for denoiser, text in _DENOISERS.items() if denoiser != "OIDN_COLOUR"
         for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
+    if images > 1:
+        found += [Variant("auto", name, each) for name, each in baked_settings(settings).items()]
     return sorted((variant for variant in found if not lack_for(variant.settings, able)),
-                  key=lambda variant: work_of(variant.settings).seconds(0.0))
+                  key=lambda variant: _seconds(variant.settings, images))
+
+
+def _seconds(settings: Settings, images: int) -> float:
+    """Processor seconds of an image, with its share of what is baked."""
+    bake = bake_seconds(settings) / images if is_baked(settings) else 0.0
+    return work_of(settings).seconds(0.0) + bake
 
 
 def _counted(number: int, what: str) -> str:

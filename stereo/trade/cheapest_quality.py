@@ -46,7 +46,8 @@ def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
 
     methods = parse_methods(bench.methods, own=bench.own)
     best = reference(bench.settings, bench.samples)
-    ladder, parts = candidates(bench.settings, check_abilities(bench, best.settings)), leaner_settings(bench.settings)
+    ladder, parts = candidates(
+        bench.settings, check_abilities(bench, best.settings), bench.images), leaner_settings(bench.settings)
     counter = RenderCounter(bench.on_event, best.repeats + len(ladder) + len(parts))
     file = bench.out / "auto.toml"
     with explain_disk_errors("write to", bench.out):
@@ -88,7 +89,7 @@ class _Search:
         for count in range(1, _MOST_RENDERS + 1):
             self.counter.total += count > 1
             folders += render_once(variant, count - 1, self.bench, self.counter)
-            found = measure(folders, self.truth, self.methods)
+            found = measure(folders, self.truth, self.methods, self.bench.images)
             verdict = self._verdict(found, 1.0)
             # At best, noise falls with the square root of the number of renders.
             if verdict is not None or self._verdict(found, (count / _MOST_RENDERS) ** 0.5) is None:

@@ -87,11 +87,13 @@ def read_reference(folders: Sequence[Path], methods: Sequence[Method],
     return replace(untallied, tallies=_tally_images(untallied, seen, methods))
 
 
-def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Method]) -> dict[str, Any]:
-    """Measure one variant, from its renders, against the reference.
+def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Method],
+            images: int = 1) -> dict[str, Any]:
+    """Measure one variant, from its renders, against the reference. ``images`` share what is baked.
 
     * ``cpu_s``, ``wall_s``: of a pair, mean of the renders, including building the scene and writing; ``cpu_s`` also
-      includes the start of Blender, if a process renders one pair. ``memory_mib``: the peak memory of a process.
+      includes the start of Blender, if a process renders one pair, and a share of what baking its light took.
+      ``memory_mib``: the peak memory of a process.
     * ``bias``: mean radiance divided by that of the reference, minus 1. ``rmse``: root mean square difference of a
       pixel from the reference, divided by the mean of this, without the noise of the reference. ``noise``: the random
       part of it, the standard deviation between renders divided by the mean; None for a single render. ``structure``:
@@ -112,15 +114,16 @@ def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Met
                                "again.")
     tallies = _tally_images(reference, [render.light for render in renders], methods)
     losses = {label: _loss(sums, reference.tallies[label]) for label, sums in tallies.items()}
-    return {**_cost(renders), **_radiance(renders, reference), **_depth(renders[0], reference),
+    return {**_cost(renders, images), **_radiance(renders, reference), **_depth(renders[0], reference),
             "stereo": {label: _named(stereo_numbers(sums.sum(axis=1)).mean(axis=0)) for label, sums in tallies.items()},
             "loss": {label: _named(loss) for label, (loss, _) in losses.items()},
             "loss_doubt": {label: _named(doubt) for label, (_, doubt) in losses.items()}}
 
 
-def _cost(renders: Sequence[Loaded]) -> dict[str, Any]:
+def _cost(renders: Sequence[Loaded], images: int = 1) -> dict[str, Any]:
     facts = [render.pair.data for render in renders]
-    cpu = [sum(each["cpu_seconds"].values()) for each in facts if "cpu_seconds" in each]
+    cpu = [sum(each["cpu_seconds"].values()) + each.get("indirect", {}).get("cpu_seconds_of_bake", 0.0) / images
+           for each in facts if "cpu_seconds" in each]
     return {"cpu_s": _mean(cpu), "cpu_range": [min(cpu), max(cpu)] if cpu else None,
             "wall_s": _mean([sum(each.get("seconds", {}).values()) for each in facts]),
             "memory_mib": max((each["peak_memory_mib"] for each in facts if each.get("peak_memory_mib")), default=None)}

@@ -39,6 +39,7 @@ class Bench:
     repeats: int  # renders per variant; from two on, noise can be separated from other errors
     on_event: Event = lambda event: None
     own: tuple[str, ...] = ()  # the user's own matchers, see ``methods.parse_own_matchers``
+    images: int = 1  # of the ground under this Sun, which share what it takes to bake its light
 
 
 def scaled_view(settings: Settings, factor: float) -> Settings:
@@ -74,7 +75,7 @@ def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
             folders[variant.key] += render_once(variant, repeat, bench, counter)
     rows = []
     for variant in chosen:
-        found = measure(folders[variant.key], truths[variant.group in SHAPES], methods)
+        found = measure(folders[variant.key], truths[variant.group in SHAPES], methods, bench.images)
         rows.append({"group": variant.group, "name": variant.name, "key": variant.key,
                      "changed": _changed(variant.settings, bench.settings), **found})
     references = [{"name": bests[fine].name, "noise": truth.noise, "stereo": truth.stereo, "own": truth.own,

@@ -16,6 +16,7 @@ OWN = {"scene": set(), "samples": {"quality.samples", "quality.denoiser"}, "boun
        "relief": {"surface.relief"}, "shortcuts": {"quality.fine_relief", "quality.walk_px", "quality.truth"},
        "subsurface": {"surface.subsurface_weight", "surface.model",
                       *(f"hapke.{key}" for key in description.defaults().hapke)},
+       "indirect": {"quality.indirect", "quality.bake_samples", "quality.bake_noise", "quality.direct_samples"},
        "glints": {"surface.glint_share"},
        "hapke": {"surface.model", *(f"hapke.{key}" for key in description.defaults().hapke)}}
 
@@ -223,3 +224,29 @@ def test_a_reference_has_1024_paths_per_pixel_unless_told_otherwise():
     assert reference(base).settings.quality.samples == 1024 // 2, "half of them in each of two renders"
     assert reference(base).name == "1024 samples"
     assert reference(base, 8).settings.quality.samples == 4
+
+
+LAMBERT = ("surface.model=LAMBERT", "rocks.coverage=0", "mesh.kind=GRID", "light.planet=false",
+           "light.stars=false", "light.directions_from=ANGLES", "terrain.resolution=129")
+
+
+def test_light_is_baked_where_it_can_be_and_by_a_search_for_many_images():
+    able = scene("europa_rough_ice", *LAMBERT)
+    baked = {name: each["quality"] for name, each in of_group(able, "indirect").items() if name != "traced"}
+    assert {(each.bake_samples, each.direct_samples) for each in baked.values()} == {
+        (most, n) for most in (64, 256) for n in (1, 2, 4, 9)}
+    assert {each.indirect for each in baked.values()} == {"BAKED"}
+    with pytest.raises(IcyMoonError, match="nothing to vary in indirect"):
+        variants(scene("europa_rough_ice"), ["indirect"])
+    assert not any(each.settings.quality.indirect == "BAKED" for each in candidates(able))
+    many = [each.settings.quality for each in candidates(able, images=36)]
+    assert [each.indirect for each in many].count("BAKED") == len(baked)
+    # Shared by 36, a bake and one direct sample cost less than a few traced samples.
+    assert "BAKED" in [each.indirect for each in many[:4]]
+
+
+def test_a_reference_and_its_samples_are_traced_even_if_the_scene_is_baked():
+    able = scene("europa_rough_ice", *LAMBERT, "quality.indirect=BAKED")
+    assert reference(able).settings.quality.indirect == "TRACED"
+    for group in ("samples", "bounces", "threshold"):
+        assert {each["quality"].indirect for each in of_group(able, group).values()} == {"TRACED"}
