@@ -5,7 +5,8 @@
 The snow of the paper (Ramchander Bhaskara et al., "Icy Moon Surface Simulation and Stereo Depth Estimation for Sampling
 Autonomy", IEEE Aerospace Conference 2024) on ground of its terrain function, seen by its camera at 640 x 480 px. The
 first row has the settings of its public code: a separate render for each eye, 16 samples, 100 bounces, subsurface
-scattering, and a denoiser that cleans all its guides. Each row below changes one more setting. All rows have the same ground and material, unless the name of a row tells otherwise.
+scattering, and a denoiser that cleans all its guides. Each row below changes one more setting. All rows have the same
+ground and material, unless the name of a row tells otherwise.
 
 Cost is processor seconds of all threads: ``first`` for a process that renders one pair (start, build, pair), ``more``
 for each further pair of the same process. Baked light is in ``first`` whole, and in ``more`` divided by ``--images``
@@ -37,7 +38,7 @@ from icymoon.render.cost.variants import reference
 from icymoon.render.workers import job
 from icymoon.settings import description, preset_files
 from icymoon.stereo.trade.measure_variants import scaled_view
-from icymoon.typed_settings import Parts, QualitySettings, Settings
+from icymoon.typed_settings import Parts, QualitySettings, Settings, typed
 
 if TYPE_CHECKING:  # a process that renders pays for no evaluator
     from icymoon.stereo.matchers.methods import Method
@@ -134,7 +135,7 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
     if rung.apart:
         render_pair._render_radiance = apart.radiance
     # Each pair is built anew, so nothing has to be rotated.
-    pairs = [PlannedPair(pair.id, pair.settings, 0.0) for pair in expand_headings(job["settings"])]
+    pairs = [PlannedPair(pair.id, pair.settings, 0.0) for pair in expand_headings(typed(job["settings"]))]
     with ScenesFromSettings(lambda warning: print(warning, file=sys.stderr)) as stage:
         render_from(stage, pairs, Path(job["dataset"]), lambda kind, **_: None)
     made = []
