@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,9 @@ from ..records import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_r
 from ..version import version
 from .artefacts import check_output_folder, files_exist, remove_leftovers
 from .decisions import pictures
+from .decisions.arm import Scoop, find_scoop, locate
+from .decisions.change import measure_change, region_cells
+from .decisions.progress import find_progress, series_of
 from .decisions.reach import has_arm
 from .decisions.report import OPENINGS, write_decisions
 from .decisions.rules import Rules
@@ -33,7 +36,6 @@ from .matchers.resident_process import stop_residents
 from .measure.prepare import Prepared
 from .measure.result_row import depth_of
 from .measure_pair import search_ranges
-from .report.by_setting import scene_of
 from .report.row_log import Row, RowLog
 from .sources import Source, check_response, find_sources
 
@@ -41,6 +43,8 @@ Event = Callable[[dict[str, Any]], None]
 
 #: Version of the decisions: increased when the same input gives other numbers.
 DECISIONS = 1
+#: Pairs in which nothing was dug that are made of the first state of a series, by other noise of the sensor.
+NULL_PAIRS = 8
 #: The row of the truth's own depth: what the rules, the cells and unseen ground alone cost.
 TRUE_DEPTH = "true depth"
 _LOG = "decisions.jsonl"
@@ -104,9 +108,10 @@ def decide_pairs(paths: Sequence[Path], methods: Sequence[Method], out: Path, ru
         stop_residents()
     log.compact((name, label) for name in names for label in labels)
     facts = [found for name in names if (found := _read_facts(out, name)) is not None]
-    return write_decisions(out, [log.read(name, label) for name in names for label in labels], facts, labels, rules,
-                           failed, {"source": ", ".join(str(path.resolve()) for path in paths), "seed": seed,
-                                    "pose_error": {"mm": pose.mm, "deg": pose.deg}})
+    rows = [log.read(name, label) for name in names for label in labels]
+    provenance = {"source": ", ".join(str(path.resolve()) for path in paths), "seed": seed,
+                  "pose_error": {"mm": pose.mm, "deg": pose.deg}}
+    return write_decisions(out, rows, facts, labels, rules, find_progress(rows, facts, labels, out), failed, provenance)
 
 
 def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
@@ -131,6 +136,8 @@ def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
         return
     random = generator(run.seed, "pose", int(digest_of(source.name), 16) % 2 ** 32)
     pose = disturb(workspace.pose, run.pose.mm, run.pose.deg, random)
+    scoop = find_scoop(workspace.pair, workspace.pose, random)
+    nulls = _null_pairs(source, run, workspace) if run.methods else []
     for label, key in keys.items():
         if label in there:
             yield there[label]
@@ -138,7 +145,7 @@ def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
         method = next((each for each in run.methods if each.label == label), None)
         try:
             row = {"pair": source.name, "method": label, "key": key, "status": _status(workspace.prepared), "error": "",
-                   **_decide(workspace, method, pose, run.out)}
+                   **_decide(workspace, method, pose, run.out, scoop, random, nulls)}
         except DiskError:
             raise
         except Exception as error:
@@ -160,17 +167,51 @@ def _failed(pair: str, label: str, key: str, message: str) -> Row:
             "images": {}}
 
 
-def _decide(workspace: Workspace, method: Method | None, pose: np.ndarray, out: Path) -> dict[str, Any]:
+def _excavation(workspace: Workspace) -> dict[str, Any] | None:
+    """What ``pair.json`` contains of an excavation, as far as progress needs it; None if there is none."""
+    stated = workspace.pair.data.get("excavation")
+    return {key: stated[key] for key in ("state", "states", "taken_m3", "region_m")} if stated else None
+
+
+def _null_pairs(source: Source, run: _Run, workspace: Workspace) -> list[Workspace]:
+    """The pair of a series' first state again, with other noise of the sensor; none of any other pair.
+
+    Noise of the render and the pose of the camera are the same in all.
+    """
+    stated = workspace.pair.data.get("excavation")
+    if not stated or int(stated["state"]) != 0:
+        return []
+    seed = int(workspace.prepared.facts["settings"].sensor.noise_seed)
+    found = []
+    for k in range(1, NULL_PAIRS + 1):
+        response = {**run.response, "sensor": {**run.response.get("sensor", {}), "noise_seed": seed + k}}
+        found.append(replace(workspace, prepared=source.prepare(response)))
+    return found
+
+
+def _null_volumes(nulls: Sequence[Workspace], method: Method, found: Maps, pose: np.ndarray) -> list[float]:
+    """The volumes, m3, between the elevation model of a pair and those of its null pairs, over the region dug."""
+    volumes = []
+    for null in nulls:
+        other = decide(null, _match(null, method)[0], pose)
+        region = region_cells(null.grid, null.pair.data["excavation"]["region_m"])
+        change = measure_change(found.dem.height_m, other.dem.height_m, region, null.grid.cell_m)
+        volumes += [] if change is None else [change.volume_m3]
+    return volumes
+
+
+def _decide(workspace: Workspace, method: Method | None, pose: np.ndarray, out: Path, scoop: Scoop | None,
+            random: np.random.Generator, nulls: Sequence[Workspace]) -> dict[str, Any]:
     """The numbers and files of a method; of the true depth without one."""
+    depth, matching = (workspace.prepared.truth, 0.0) if method is None else _match(workspace, method)
     start = time.process_time()
-    depth, matching = workspace.prepared.truth, 0.0
-    if method is not None:
-        depth, matching = _match(workspace, method)
-    matched = time.process_time()
     found = decide(workspace, depth, pose)
     numbers = compare(workspace, found)
-    spent = time.process_time() - (matched if method is not None else start)
-    numbers["cpu_s"] = {"match": matching, "decide": spent}
+    if scoop is not None:
+        numbers["scoop"] = locate(scoop, depth, workspace.pair, pose, random)
+    numbers["cpu_s"] = {"match": matching, "decide": time.process_time() - start}
+    if nulls and method is not None:
+        numbers["null_m3"] = _null_volumes(nulls, method, found, pose)
     return {"numbers": numbers, "images": _write_maps(workspace, found, numbers, out,
                                                       method.file_name if method else "true_depth")}
 
@@ -221,11 +262,12 @@ def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
              "truth_suitability": "truth_suitability.npy"}
     grid, up = workspace.grid, float(toward_sun(workspace.pair)[2])
     write_json(folder / "decisions.json", {
-        "pair": name, "scene": scene_of(prepared.facts), "key": key, "exact": workspace.exact,
+        "pair": name, "scene": series_of(prepared.facts["settings"]), "key": key, "exact": workspace.exact,
         "arm": has_arm(workspace.pair.settings),
         "cell_m": grid.cell_m, "rows": grid.rows, "columns": grid.columns, "origin_m": [grid.west_m, grid.north_m],
         "sun_elevation_deg": float(np.degrees(np.arcsin(np.clip(up, -1, 1)))),
-        "height_px": int(prepared.left.shape[0]), "suspect": not prepared.check.ok,
+        "excavation": _excavation(workspace), "height_px": int(prepared.left.shape[0]),
+        "suspect": not prepared.check.ok,
         "images": {kind: (folder / file).relative_to(out).as_posix() for kind, file in files.items()}})
 
 

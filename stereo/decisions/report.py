@@ -24,6 +24,7 @@ from ..report.pictures import embed_picture
 from ..report.scene_intervals import intervals, scene_means
 from ..report.table_columns import Column, format_interval, format_number
 from . import pictures
+from .arm import FAULTS
 from .rules import SHIPPED, Rules
 from .scores import ROC_AT
 
@@ -59,7 +60,13 @@ OTHERS = (Column("pads.false_safe", "Pads: unsafe", "%", 1, "of the places taken
           Column("pads.safe_lost", "Pads: lost", "%", 1, "of the places safe for a pad, those that are not taken"),
           Column("cpu_s.match", "Matching", "s", 2, "processor seconds a pair"),
           Column("cpu_s.decide", "Decisions", "s", 3, "processor seconds a pair"))
-COLUMNS = (*DEM, *SITES, *OTHERS)
+SCOOP_COLUMNS = (
+    Column("scoop.error_mm", "Error (mm)", "", 1, "of the middle of the scoop, from its true place"),
+    Column("scoop.error_deg", "Turn", "°", 2, "of the scoop from its true direction"),
+    Column("scoop.known", "Known", "%", 1, "share of the scoop's pixels with a depth"),
+    *(Column(f"scoop.{name}_fault_deg", f"{name.capitalize()} fault", "°", 2, f"smallest fault of the {name} joint "
+             "that is noticed: 3.29 times the error over its lever") for name in FAULTS))
+COLUMNS = (*DEM, *SITES, *OTHERS, *SCOOP_COLUMNS)
 #: By what methods are compared; less is better but for those of _MORE.
 _COMPARED = ("sites.false_safe", "sites.safe_lost", "sites.average_precision", "dem.rmse_m")
 _MORE = ("sites.average_precision",)
@@ -74,8 +81,8 @@ def value_of(row: Mapping[str, Any], column: Column) -> float:
 
 
 def write_decisions(out: Path, rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]],
-                    labels: Sequence[str], rules: Rules, failed: Sequence[Mapping[str, Any]],
-                    provenance: Mapping[str, Any]) -> dict[str, Any]:
+                    labels: Sequence[str], rules: Rules, progress: Sequence[Mapping[str, Any]],
+                    failed: Sequence[Mapping[str, Any]], provenance: Mapping[str, Any]) -> dict[str, Any]:
     """Write ``decisions.csv``, ``.json`` and ``.html``; return what is in the JSON.
 
     ``rows`` are of all pairs by all ``labels``, pair by pair. Pairs that contradict themselves count in no mean.
@@ -83,7 +90,8 @@ def write_decisions(out: Path, rows: Sequence[Mapping[str, Any]], facts: Sequenc
     summary = summarise(rows, facts, labels)
     found = compare_methods(rows, facts, labels, int(provenance["seed"]))
     report = {"format": FORMAT, "version": VERSION, "head": head_sentences(summary, facts), "summary": summary,
-              "comparisons": found, "rules": rules.to_json(), "failed": list(failed), "notes": find_notes(rows, facts),
+              "comparisons": found, "progress": list(progress),
+              "rules": rules.to_json(), "failed": list(failed), "notes": find_notes(rows, facts),
               "provenance": {**provenance, "icymoon": version(), "created": datetime.now(UTC).isoformat(" ", "seconds"),
                              "intervals": "95 %, Student's t over scenes"},
               "rows": list(rows)}
@@ -231,11 +239,16 @@ def _page(report: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], facts: S
               for part, table in rules.to_json().items() for key, value in table.items()]
     titles = {column.key: column.title for column in COLUMNS}
     return environment.get_template("decisions.html.j2").render(
-        report=report, groups=(("Sites", SITES), ("Elevation model", DEM), ("Landing pads and cost", OTHERS)),
+        report=report, groups=(("Sites", SITES), ("Elevation model", DEM), ("Landing pads and cost", OTHERS),
+                *((("Where the scoop is", SCOOP_COLUMNS),) if _has_scoop(rows) else ())),
         cell=format_cell, bounds=_bounds, titles=titles, roc=_draw_roc(report["summary"]), rules=stated,
         outcomes=pictures.OUTCOMES, codes=pictures.CODES, full_mm=pictures.FULL_M * _MM,
         name_of=lambda label: TITLES.get(label, label),
         pairs=[_pair_section(fact, rows, out) for fact in facts[:MOST_PAIRS]], more=max(0, len(facts) - MOST_PAIRS))
+
+
+def _has_scoop(rows: Sequence[Mapping[str, Any]]) -> bool:
+    return any(row["numbers"] and "scoop" in row["numbers"] for row in rows)
 
 
 def _scaled(entry: Mapping[str, Any], column: Column) -> dict[str, Any]:

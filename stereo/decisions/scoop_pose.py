@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from ...physics.arm.kinematics import Arm, forward
+
 #: Of OpenCV's ICP: most iterations, least change, outliers beyond so many deviations, levels of its pyramid.
 _ICP = (100, 0.005, 2.5, 6)
 #: Neighbours of a point through which its normal is fitted.
@@ -87,6 +89,18 @@ def pose_error(found: np.ndarray, true: np.ndarray, point: np.ndarray) -> tuple[
     # By the sine too: the arc cosine of a small angle loses half its digits.
     sine = np.linalg.norm([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]) / 2
     return 1000 * float(np.linalg.norm(apart)), math.degrees(math.atan2(float(sine), (np.trace(turn) - 1) / 2))
+
+
+def levers_of(arm: Arm, joints_rad: np.ndarray, point: np.ndarray) -> dict[str, float]:
+    """Distance in metres of a ``point`` (3,) of the last link from the axis of each turning joint."""
+    poses = forward(arm, joints_rad)
+    place = poses[-1][:3, :3] @ point + poses[-1][:3, 3]
+    found = {}
+    for joint, pose in zip(arm.joints, poses, strict=True):
+        if not joint.slides:
+            axis, apart = pose[:3, :3] @ joint.axis, place - pose[:3, 3]
+            found[joint.name] = float(np.linalg.norm(apart - (apart @ axis) * axis))
+    return found
 
 
 def smallest_fault_deg(sigma_mm: float, lever_m: float) -> float:

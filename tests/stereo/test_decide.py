@@ -50,6 +50,18 @@ def dataset(tmp_path):
     return tmp_path / "set"
 
 
+def write_state(folder, state, lowered_m):
+    """A state of an excavation that has lowered level ground by so much, in a region of 0.64 m²."""
+    write(folder, pairs.Scene(distance_m=2.0 + lowered_m, slope_x=0.0, slope_y=0.0, rock=False), exact=False)
+    data = json.loads((folder / "pair.json").read_text())
+    heights = np.full((2, 30, 30), -lowered_m, np.float32)
+    np.save(folder / "workspace.npy", heights)
+    data["workspace"] = {"file": "workspace.npy", "cell_m": CELL_M, "origin_m": [-0.6, 0.6], "shape": [30, 30]}
+    data["excavation"] = {"state": state, "states": 3, "taken_m3": 0.64 * lowered_m,
+                          "region_m": [-0.4, -0.4, 0.4, 0.4]}
+    (folder / "pair.json").write_text(json.dumps(data))
+
+
 def run(paths, out, methods="bm", **options):
     return decide_pairs(paths, parse_methods(methods), out, read_rules(), **options)
 
@@ -176,3 +188,20 @@ def test_wrong_options_are_sentences_and_write_nothing(dataset, tmp_path, capsys
     assert main(["decide", str(dataset), "--out", str(tmp_path / "out"), *wrong]) == 1
     assert capsys.readouterr().err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_series_has_its_volumes_and_the_smallest_that_is_noticed(tmp_path):
+    for state, lowered_m in enumerate((0.0, 0.05, 0.1)):
+        write_state(tmp_path / "set" / "pairs" / "abc"[state], state, lowered_m)
+    report = run([tmp_path / "set"], tmp_path / "out")
+    true, matcher = report["progress"]
+    assert [step["state"] for step in true["steps"]] == [1, 2]
+    for step in true["steps"]:
+        assert step["found_m3"] == pytest.approx(step["true_m3"], rel=1e-4)  # single precision of depth
+        assert step["known"] == 1.0
+    assert true["smallest_m3"] is None
+    assert matcher["null_pairs"] == module.NULL_PAIRS
+    assert matcher["smallest_m3"] == pytest.approx(3.29 * matcher["sigma_m3"])
+    # The disparity of StereoBM is off by a part of a sixteenth of a pixel, the same for level ground: 3 mm here.
+    assert all(abs(step["error_m3"]) < 0.64 * 0.006 for step in matcher["steps"])
+    assert "Excavation" in (tmp_path / "out" / "decisions.html").read_text(encoding="utf-8")

@@ -1,0 +1,72 @@
+"""The scoop of a pair's arm: its pixels, where it is, where it was told to be, and where a depth finds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...physics.arm.kinematics import forward
+from ...physics.arm.lander_solids import solids_of
+from ...physics.arm.parametric import arm_of, commanded_rad
+from ...render.pairs.pair_folder import Pair
+from ..images.exr import NORMAL_PASSES, read_truth
+from .dem import points_of
+from .scoop_pose import find_pose, levers_of, pose_error, sample_surface, smallest_fault_deg
+
+SCOOP = "scoop"
+#: Joints whose smallest fault is stated: those that the table has room for.
+FAULTS = ("yaw", "shoulder", "elbow", "wrist")
+_MODEL_POINTS = 6000
+
+
+@dataclass(frozen=True)
+class Scoop:
+    """The scoop of a pair. Poses (4, 4) lead from the link to the site."""
+
+    mask: np.ndarray  # boolean (H, W) of the left image
+    true: np.ndarray
+    commanded: np.ndarray
+    model: np.ndarray  # points and normals (n, 6) of its surface
+    middle: np.ndarray  # (3,), in the link's frame
+    levers_m: dict[str, float]  # of its middle about each joint
+
+
+def find_scoop(pair: Pair, pose: np.ndarray, random: np.random.Generator) -> Scoop | None:
+    """The scoop of a pair whose left eye has this ``pose`` (4, 4); None if there is no arm in it."""
+    links = {link["name"]: link for link in pair.data.get("lander", {}).get("links", ())}
+    if SCOOP not in links:
+        return None
+    instance = read_truth(pair.truth("left"), "left", NORMAL_PASSES).instance
+    if instance is None:
+        return None
+    site_m = float(pose[2, 3]) - pair.settings.rig.height_m
+    arm, joints = arm_of(pair.settings, site_m), commanded_rad(pair.settings.arm)
+    solid = solids_of(pair.settings)[SCOOP]
+    middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
+    return Scoop(pair.camera.cropped(instance) == links[SCOOP]["instance"],
+                 pose @ np.array(links[SCOOP]["link_to_left"], np.float64), forward(arm, joints)[-1],
+                 sample_surface(solid.vertices, solid.triangles, _MODEL_POINTS, random), middle,
+                 levers_of(arm, joints, middle))
+
+
+def locate(scoop: Scoop, depth_m: np.ndarray, pair: Pair, pose: np.ndarray,
+           random: np.random.Generator) -> dict[str, Any]:
+    """Where a planar depth (H, W) finds the scoop, seen from a left eye that is taken to have this ``pose``.
+
+    ``error_mm`` at its middle and ``error_deg`` from the true pose, ``apart_mm`` of the true pose from the commanded
+    one, ``pixels`` of it, the share ``known`` of these, and ``<joint>_fault_deg``: the smallest fault of a joint that
+    would be noticed if errors of this size were one standard deviation. None where there is no pose.
+    """
+    apart, _ = pose_error(scoop.true, scoop.commanded, scoop.middle)
+    points, _ = points_of(np.where(scoop.mask, depth_m, np.nan), pair.camera.rectified, pose)
+    pixels = int(scoop.mask.sum())
+    found = find_pose(scoop.model, points, scoop.commanded, pose[:3, 3], random)
+    numbers: dict[str, Any] = {"apart_mm": apart, "pixels": pixels, "known": len(points) / pixels if pixels else None,
+                               "error_mm": None, "error_deg": None, **{f"{name}_fault_deg": None for name in FAULTS}}
+    if found is None:
+        return numbers
+    error_mm, error_deg = pose_error(found.pose, scoop.true, scoop.middle)
+    return numbers | {"error_mm": error_mm, "error_deg": error_deg,
+                      **{f"{name}_fault_deg": smallest_fault_deg(error_mm, scoop.levers_m[name]) for name in FAULTS}}
