@@ -120,7 +120,7 @@ class ICYMOON_OT_hide_surface(bpy.types.Operator):
     """Remove the measured surface and the painted errors, and give the view back as it was before"""
 
     bl_idname = "icymoon.hide_surface"
-    bl_label = "Remove Errors from View"
+    bl_label = "Remove Errors"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod

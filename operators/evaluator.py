@@ -28,7 +28,7 @@ class ICYMOON_OT_check_evaluator(bpy.types.Operator):
     """Check Blender's abilities, the evaluator's packages and the SPICE kernels, and show how to fix problems. Takes some seconds"""  # noqa: E501
 
     bl_idname = "icymoon.check_evaluator"
-    bl_label = "Check"
+    bl_label = "Check Evaluator"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         found = all_findings()

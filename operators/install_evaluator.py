@@ -42,7 +42,7 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
     """Make a Python environment for the evaluator in the extension's folder, and install its packages from the Internet (390 MB on disk)"""  # noqa: E501
 
     bl_idname = "icymoon.install_evaluator"
-    bl_label = "Install"
+    bl_label = "Install Evaluator"
 
     then_evaluate: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Then Evaluate", default="NOTHING", description="What to evaluate once the evaluator is installed", items=(
@@ -89,7 +89,7 @@ class ICYMOON_OT_remove_evaluator(bpy.types.Operator):
     """Delete the evaluator that Install Evaluator has installed in the extension's folder"""
 
     bl_idname = "icymoon.remove_evaluator"
-    bl_label = "Remove"
+    bl_label = "Remove Evaluator"
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

@@ -360,7 +360,7 @@ class ICYMOON_OT_show_error(ResultOperator, bpy.types.Operator):
     """Show the errors of a matcher in an Image Editor"""
 
     bl_idname = "icymoon.show_error"
-    bl_label = "Show Error Image"
+    bl_label = "Show Stereo Error Image"
 
     method: bpy.props.StringProperty(name="Matcher", description="Matcher of the errors; empty for the most accurate")  # type: ignore[valid-type]
 
@@ -376,7 +376,7 @@ class ICYMOON_OT_open_report(ResultOperator, bpy.types.Operator):
     """Open the report of the last evaluation in the web browser"""
 
     bl_idname = "icymoon.open_report"
-    bl_label = "Open Report"
+    bl_label = "Open Evaluation Report"
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:

@@ -84,7 +84,7 @@ class ICYMOON_OT_trade(_MeasureDialog, jobs.JobOperator, bpy.types.Operator):
     """Render the scene at cheaper qualities, measure the errors of light, depth and stereo, and write a report. Takes minutes to hours"""  # noqa: E501
 
     bl_idname = "icymoon.trade"
-    bl_label = "Measure Speed and Accuracy"
+    bl_label = "Compare Qualities"
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         name = context.scene.name
@@ -109,7 +109,7 @@ class ICYMOON_OT_auto_quality(_MeasureDialog, jobs.JobOperator, bpy.types.Operat
     """Find and set the cheapest quality whose stereo error is within the tolerance in this scene"""
 
     bl_idname = "icymoon.auto_quality"
-    bl_label = "Find Quality"
+    bl_label = "Find Cheapest Quality"
     bl_options = {"UNDO"}
 
     judged_by: bpy.props.EnumProperty(  # type: ignore[valid-type]

@@ -88,12 +88,12 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.evaluate", text="Evaluate Stereo Pair").scope = "SCENE"
         layout.operator("icymoon.evaluate", text="Evaluate Whole Data Set").scope = "DATASET"
         layout.operator("icymoon.evaluate_folder", text="Evaluate Other Pairs…")
-        layout.operator("icymoon.auto_quality", text="Find Quality…")
-        layout.operator("icymoon.trade", text="Measure Speed and Accuracy…")
+        layout.operator("icymoon.auto_quality", text="Find Cheapest Quality…")
+        layout.operator("icymoon.trade", text="Compare Qualities…")
         layout.operator("icymoon.measure_machine")
         layout.separator()
-        layout.operator("icymoon.vary", text="Vary Setting…")
-        layout.operator("icymoon.show_ends", text="Show First and Last Variation")
+        layout.operator("icymoon.vary", text="Vary…")
+        layout.operator("icymoon.show_ends")
         layout.operator("icymoon.render_variations").folder = ""
         layout.operator("icymoon.save_plan", text="Save Plan…")
         layout.operator("icymoon.show_curve")
@@ -106,20 +106,20 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.separator()
         layout.operator("icymoon.cancel")
         layout.separator()
-        layout.operator("icymoon.open_report", text="Open Evaluation Report")
-        layout.operator("icymoon.show_error", text="Show Stereo Error Image")
+        layout.operator("icymoon.open_report")
+        layout.operator("icymoon.show_error")
         layout.operator("icymoon.show_surface").method = ""
         layout.operator("icymoon.paint_errors").method = ""
         layout.operator("icymoon.hide_surface")
         layout.separator()
-        layout.operator("icymoon.check_evaluator", text="Check Evaluator")
+        layout.operator("icymoon.check_evaluator")
         if can_install_evaluator():
-            layout.operator("icymoon.install_evaluator", text="Install Evaluator")
+            layout.operator("icymoon.install_evaluator")
         layout.separator()
         layout.operator("icymoon.make_asset_library")
         layout.operator("icymoon.remove_asset_library")
         layout.separator()
-        layout.operator("icymoon.open_manual", text="Icy Moon Manual", icon="HELP")
+        layout.operator("icymoon.open_manual", icon="HELP")
 
 
 def _draw_menu(self: Any, context: bpy.types.Context) -> None:

@@ -91,7 +91,7 @@ class ICYMOON_PT_main(Sidebar, bpy.types.Panel):
         column.scale_y = 1.4
         column.operator("icymoon.build_scene", icon="RNDCURVE")
         draw_start(column, "icymoon.render_pair", "Render Stereo Pair", "RENDER_STILL")
-        draw_start(column, "icymoon.evaluate", "Evaluate", "VIEWZOOM", scope="SCENE")
+        draw_start(column, "icymoon.evaluate", "Evaluate Stereo Pair", "VIEWZOOM", scope="SCENE")
         draw_pair(layout, context.scene)
         layout.prop(group, "live")
         if shown := live_preview.lines(context.scene):
@@ -128,9 +128,9 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         table = layout.column()
         table.active = not warnings
         draw_errors(table, context.scene, rows)
-        buttons = layout.row(align=True)
+        buttons = layout.column(align=True)
         buttons.operator("icymoon.open_report", icon="URL")
-        buttons.operator("icymoon.hide_surface", text="Remove Errors", icon="X")
+        buttons.operator("icymoon.hide_surface", icon="X")
         if coloured_views.is_shown(context.scene):
             layout.prop(context.scene.icymoon, "error_range_m", slider=True)
         column = layout.column(align=True)
@@ -162,7 +162,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
                 draw_sentence(column, f"{title} needs {NEEDS[name]}.", "INFO")
         draw_settings(self.layout, context.scene.icymoon, "dataset", ("methods",))
         column = self.layout.column(align=True)
-        draw_start(column, "icymoon.evaluate", "Evaluate This Scene", "VIEWZOOM", scope="SCENE")
+        draw_start(column, "icymoon.evaluate", "Evaluate Stereo Pair", "VIEWZOOM", scope="SCENE")
         draw_start(column, "icymoon.evaluate", "Evaluate Whole Data Set", "VIEWZOOM", scope="DATASET")
         draw_start(column, "icymoon.evaluate_folder", "Evaluate Other Pairs…", "FILE_FOLDER")
         column.operator("icymoon.open_report", icon="URL")

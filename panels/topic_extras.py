@@ -96,7 +96,7 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
         draw_lines(column, (f"With the settings below: {own.brief}",))
     draw_sentence(column, sidebar_text.speed_line(settings))
     layout.operator_context = "INVOKE_DEFAULT"
-    layout.operator("icymoon.auto_quality", text="Find the Cheapest…", icon="VIEWZOOM")
+    layout.operator("icymoon.auto_quality", text="Find Cheapest Quality…", icon="VIEWZOOM")
 
 
 def _draw_camera_notes(layout: Any, context: bpy.types.Context) -> None:

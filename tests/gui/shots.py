@@ -115,6 +115,7 @@ def built() -> None:
     with in_region("WINDOW"):
         bpy.ops.icymoon.build_scene()
     area().spaces.active.shading.type = "SOLID"
+    settings().terrain.rms_slope_deg += 1.0  # so that the preset was changed, and the roughness is of an earlier ground
     row = {"method": "bm", "total_bad_1": 0.35, "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25,
            "coverage": 0.75}
     settings().dataset.folder = str(FOLDER)
@@ -125,7 +126,7 @@ def built() -> None:
     module("operators.results").keep_results(
         bpy.context.scene, "SCENE", module("scene_properties").read_settings(settings()), ["0" * 12])
     module("operators.dataset").readout.update(plan=settings().dataset.plan, lines=[
-        "12 pairs", "about 3 min and 40 MB on this machine with 1 process"])
+        "12 pairs", "about 3 min and 40 MB on another machine with 1 process"])
     jobs = module("operators.jobs")
     process = SimpleNamespace(running=True, cancelled=False, stop=lambda: None, cancel=lambda: None)
     jobs.current = jobs.Job("Render Stereo Pair", process, lambda message: None, lambda: None,
@@ -154,8 +155,9 @@ def otherwise() -> None:
 
 
 def stand_ins() -> None:
-    """Ground and textures that stand in for the paper's, as in a narrow sidebar."""
+    """Ground and textures that stand in for the paper's, with the Sun by angles again."""
     settings().source.kind, settings().textures.set = "STAND_IN", "STAND_IN"
+    settings().light.directions_from = "ANGLES"
 
 
 def make_narrow(px: int) -> Waiting:
@@ -262,6 +264,8 @@ def walk() -> Waiting:
         yield from in_both_themes(state.__name__, sheet)
         if state is built:
             yield from at_double_size(state.__name__)
+    with in_region("WINDOW"):
+        bpy.ops.icymoon.clear_scene()  # or the changes just made would be taken for edits by hand
     yield from rendering()
     yield from in_both_themes("rendering", picture)
     yield from cancelled()
@@ -282,8 +286,11 @@ def walk() -> Waiting:
 
     yield from in_both_themes("preferences", preferences)
     stand_ins()
-    yield from make_narrow(70)
+    yield from make_narrow(80)
     yield from sheet("narrow_stand_ins")
+    built()
+    yield 15 * TICK_S
+    yield from sheet("narrow_built")
 
 
 def for_the_manual() -> Waiting:

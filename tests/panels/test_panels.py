@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -414,6 +415,25 @@ def test_no_button_has_an_icon_without_words(small, measured, running, monkeypat
     monkeypatch.setattr(Layout, "operator", noted)
     everything()
     assert found <= WORDLESS
+
+
+#: Operators whose button shows what it chooses or what was measured, not what it does.
+OF_VALUES = {"icymoon.load_preset", "icymoon.choose_plan", "icymoon.show_pair", "icymoon.toggle_matcher",
+             "icymoon.show_curve", "icymoon.show_roughness", "icymoon.wait"}
+
+
+@pytest.mark.usefixtures("measured")
+def test_a_command_has_one_name(small):
+    """In the sidebar, in the menus and in the preferences: that of its operator."""
+    bpy.ops.icymoon.build_scene()
+    for kind, operator, *text in [*everything(), *preferences_drawn()[0]]:
+        if kind != "operator" or operator in OF_VALUES or not text[0]:
+            continue
+        category, _, verb = operator.partition(".")
+        name = getattr(getattr(bpy.ops, category), verb).get_rna_type().name
+        called, label = (set(re.findall(r"\w+", words.lower())) for words in (text[0], name))
+        # Some of its words, as Ground for Paint Errors on Ground, or more: Evaluate Stereo Pair.
+        assert called <= label or label <= called, f"{text[0]} is {name}"
 
 
 def test_matchers_are_ticked_and_keep_their_options(scene):
