@@ -230,7 +230,8 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
                 "rock": ("rocks", build_rock_material,
                          [shape for item in built.collection.all_objects if item.get(TAG) == "rock"
                           for shape in instanced_objects(item)])}
-    by_hand = built.edited_parts(*(f"{role} materials" for role in builders))
+    # The mark of an object has its name only while a material of it is random by object, see ``marks.of_object``.
+    by_hand = built.edited_parts(*(f"{role} {part}" for role in builders for part in ("materials", "object")))
     messages: list[str] = []
     changed: list[str] = []
     if bool(settings.surface.trough_dirt) != bool(before.surface.trough_dirt):
@@ -242,7 +243,7 @@ def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) ->
         elif items:
             try:
                 _replace_material(items[0].data.materials[0], make(settings, built.terrain.data))
-                changed.append(f"{role} materials")
+                changed += [part for part in (f"{role} materials", f"{role} object") if part not in by_hand]
             except IcyMoonError as error:  # an image that cannot be read
                 messages.append(str(error))
                 break

@@ -264,8 +264,6 @@ def walk() -> Waiting:
         yield from in_both_themes(state.__name__, sheet)
         if state is built:
             yield from at_double_size(state.__name__)
-    with in_region("WINDOW"):
-        bpy.ops.icymoon.clear_scene()  # or the changes just made would be taken for edits by hand
     yield from rendering()
     yield from in_both_themes("rendering", picture)
     yield from cancelled()

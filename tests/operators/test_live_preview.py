@@ -301,6 +301,22 @@ def test_a_lander_does_not_keep_a_preview_from_being_built(watched):
     assert built.edited
 
 
+def test_a_surface_that_differs_from_rock_to_rock_is_no_edit_by_hand(watched):
+    """Nor a preset with one, whose rocks are made again together with their surface."""
+    for name, value in (("surface.bubble_share", 0.02), ("surface.bubble_band_m", 0.5), ("surface.bubble_band_m", 0.0)):
+        assert not change(watched, name, value).edited, (name, value)
+    watched.icymoon.rocks.own_surface, watched.icymoon.surface.model = True, "HAPKE"
+    bpy.ops.icymoon.build_scene()
+    bpy.ops.icymoon.load_preset(preset="scenes/europa_rough_ice")
+    _turn()
+    assert not scenes.find(watched).edited_parts()
+    change(watched, "rocks.own_surface", True)
+    moved = next(item for item in scenes.find(watched).collection.all_objects if item.get(scenes.TAG) == "rock")
+    moved.location.x += 1.0
+    change(watched, "rock_surface.bubble_share", 0.02)
+    assert scenes.find(watched).edited_parts() == {"rock object"}, "what is edited by hand stays edited"
+
+
 def test_a_ground_of_ones_own_is_left_but_light_and_camera_follow(watched, tmp_path):
     heights = np.add.outer(np.linspace(0, 1, 50), np.linspace(0, 2, 50))
     np.save(tmp_path / "dem.npy", heights)
