@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import bpy
@@ -216,9 +217,18 @@ def ground_statistics(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 def shows_earlier_ground(scene: bpy.types.Scene, settings: Settings) -> bool:
     """Whether the statistics of the ground are not of these settings: it was built from others, or is a preview."""
-    built = find(scene)
-    return built is not None and (bool(built.preview) or any(
-        built.settings.get(topic, {}).get(key) != settings[topic][key] for topic, key in _SHAPING))
+    collection = find_collection(scene)
+    if collection is None or SETTINGS not in collection:
+        return False
+    known = _parsed(collection[SETTINGS])
+    return collection.get(PREVIEW, "{}") != "{}" or any(
+        known.get(topic, {}).get(key) != settings[topic][key] for topic, key in _SHAPING)
+
+
+@lru_cache(maxsize=4)
+def _parsed(text: str) -> Settings:
+    """Settings from their text, read once, since the window asks at every redraw. Do not change them."""
+    return typed(json.loads(text))
 
 
 def _adds_to_roughness(settings: Settings) -> bool:

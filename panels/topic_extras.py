@@ -41,11 +41,10 @@ def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
     """What was measured on the ground. That of an earlier one stays, grey: fields must not move while the user drags a
     number."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
-    lines = scenes.ground_statistics(context.scene)
-    if not lines or preview.awaits_ground(context.scene, settings):
+    lines, earlier = scenes.ground_statistics(context.scene), scenes.shows_earlier_ground(context.scene, settings)
+    if not lines or (earlier and preview.awaits_ground(context.scene, settings)):
         return
     column = layout.column(align=True)
-    earlier = scenes.shows_earlier_ground(context.scene, settings)
     column.active = not earlier
     draw_lines(column, ("Of the ground built before:" if earlier else "Of the ground as it is built:", *lines[:2]))
     column.operator("icymoon.show_roughness", text=lines[2])
@@ -90,7 +89,8 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
     for lack in dict.fromkeys(quality.lacks for quality in shipped if quality.lacks):
         titles = " and ".join(quality.title for quality in shipped if quality.lacks == lack)
         # Where the present settings can be rendered, they are what the fix would make.
-        told = lack if own.lacks else f"{lack.partition(';')[0]}. For a first look, lower Samples."
+        told = lack if own.lacks else (f"{lack.partition(';')[0]}; the Blender of blender.org has it. For a first "
+                                       "look, lower Samples.")
         draw_sentence(column, f"{titles} cannot be rendered here. {told}", "ERROR")
     if own.chosen:
         draw_lines(column, (f"With the settings below: {own.brief}",))

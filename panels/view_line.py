@@ -6,7 +6,7 @@ from typing import Any
 
 #: What differs from a pair besides noise, by ``view_exposure.how_exposed``.
 _TRACED = {"": "as the pair, but for noise", "other": "as the pair, but for exposure and noise",
-           "estimated": "as the pair, exposure estimated until one is rendered"}
+           "estimated": "as the pair, exposure estimated"}
 
 
 def view_line(space: Any, engine: str, exposed: str = "other", coarse: bool = False, covered: bool = False,

@@ -88,10 +88,9 @@ class Notes:
         if self._decided:
             where = f" in {len(self._decided)} of {self._pairs} pairs" if self._pairs > 1 else ""
             yield Note(f"Noise of the render decides the result{where}",
-                       "in light or in shadow, more than 5 % of the pixels have less texture than noise. In the worst "
-                       f"of them, methods that differ by less than {100 * max(self._decided):.2g} % of the pixels may "
-                       "differ by noise alone, a bound that is 1 to 10 times too large on ten scenes. Raise "
-                       "quality.samples and look whether their order stays.")
+                       "in light or in shadow, more than 5 % of the pixels have less texture than noise. Methods that "
+                       f"differ by less than {100 * max(self._decided):.2g} % of the pixels may differ by noise alone; "
+                       "raise quality.samples and look whether their order stays.")
         if self._noisy:
             yield Note(f"{self._noisy} of {self._pairs} pairs are noisy" if self._pairs > 1 else "The pair is noisy",
                        "in light or in shadow, 1 to 5 % of the pixels have less texture than noise.")
