@@ -42,7 +42,7 @@ def _of_surface(topic: str) -> tuple[Section, ...]:
                 "salt_blue")),
             Section(topic, "grain", "Grains", "Relief that is finer than the mesh, and glints", (
                 "grain_size_m", "grain_amplitude_m", "grain_patchiness", "relief", "glint_share", "glint_size_m")),
-            Section(topic, "layers", "Bubbles, Fractures, Frost and Crust", "What is in the ice and on it", (
+            Section(topic, "layers", "In and on the Ice", "What is in the ice and on it", (
                 "bubble_share", "bubble_radius_m", "bubble_band_m", "fracture_share", "fracture_spacing_m",
                 "frost_share", "frost_patch_m", "patch_raggedness", "frost_albedo", "crust_share", "crust_patch_m",
                 "crust_height_m", "crust_roughness")),
