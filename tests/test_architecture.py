@@ -7,6 +7,7 @@ import importlib.util
 import re
 import subprocess
 import sys
+import tomllib
 from functools import cache
 from pathlib import Path
 
@@ -95,6 +96,14 @@ def upward(module: str, used: set[str]) -> list[str]:
 
 def test_every_module_has_a_floor():
     assert set(FLOORS) == {room_of(module) for module in MODULES}
+
+
+def test_every_package_is_shipped():
+    """Wheel and extension contain the packages that pyproject.toml lists, and would start without the others."""
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["setuptools"]["packages"]
+    there = {".".join(["icymoon", *path.parent.relative_to(ROOT).parts]) for path in SOURCES
+             if path.name == "__init__.py"}
+    assert there == set(listed)
 
 
 def test_the_manual_lists_the_rooms_in_this_order():
