@@ -12,7 +12,8 @@ from icymoon.stereo.decisions.scoop_pose import find_pose, pose_error, sample_su
 CORNERS = np.array([[x, y, z] for x in (0.0, 0.12) for y in (-0.04, 0.04) for z in (0.0, 0.06)])
 SIDES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4))
 TRIANGLES = np.array([corner for a, b, c, d in SIDES for corner in ((a, b, c), (a, c, d))])
-EYE = np.array([0.0, -1.2, 1.0])
+#: It sees the bottom and two sides, which hold each other in all directions.
+EYE = np.array([-0.9, -1.0, -0.9])
 
 
 def turned(axis, degrees, place):
@@ -48,7 +49,7 @@ def test_the_pose_is_found_from_3_degrees_and_10_mm_off(seed):
     before = pose_error(commanded, true, np.array([0.06, 0.0, 0.03]))
     found = find_pose(model, points, commanded, EYE, random)
     after = pose_error(found.pose, true, np.array([0.06, 0.0, 0.03]))
-    # Nine in ten are within 1.3 mm and 1.6 degrees where all sides but one are seen; two or three sides slide more.
+    # Points of 2 mm noise, 500 of them on three sides: 0.2 mm each, and a pull to the commanded pose by the damping.
     assert before[0] > 3.0
     assert after[0] < 4.0
     assert after[1] < 3.0
@@ -58,13 +59,14 @@ def test_a_site_far_from_its_origin_changes_nothing():
     random, far = np.random.default_rng(9), np.array([3000.0, -2000.0, 50.0])
     model = sample_surface(CORNERS, TRIANGLES, 4000, random)
     shift = turned((0, 0, 1), 0.0, far)
-    found = find_pose(model, model[:, :3] + far, shift, EYE + far, random)
+    seen = ((EYE - model[:, :3]) * model[:, 3:]).sum(axis=1) > 0
+    found = find_pose(model, model[seen, :3] + far, shift, EYE + far, random)
     assert pose_error(found.pose, shift, np.zeros(3))[0] < 2.0
 
 
 def test_too_few_points_are_no_pose():
     model = sample_surface(CORNERS, TRIANGLES, 4000, np.random.default_rng(1))
-    assert find_pose(model, model[:50, :3], np.eye(4), EYE, np.random.default_rng(1)) is None
+    assert find_pose(model, model[:30, :3], np.eye(4), EYE, np.random.default_rng(1)) is None
 
 
 def test_errors_of_poses_are_what_was_put_in():
