@@ -96,7 +96,7 @@ CHOICES = ({}, {"source.kind": "MESH", "source.detail": True}, {"source.kind": "
            {"surface.model": "LUNAR_LAMBERT", "rock_surface.model": "LUNAR_LAMBERT"}, {"surface.model": "HAPKE"},
            {"surface.ice_colour": "SNOW", "rock_surface.ice_colour": "SNOW"}, {"rocks.law": "TABLE"},
            {"sensor.colour": "BAYER"}, {"textures.set": "OWN"}, {"textures.set": "STAND_IN", "source.kind": "STAND_IN"},
-           {"light.directions_from": "KERNELS"}, {"dataset.plan": "//plan.toml"},
+           {"light.directions_from": "KERNELS"}, {"dataset.plan": "//plan.toml"}, {"quality.indirect": "BAKED"},
            {"lander.kind": "PARAMETRIC"})
 
 
