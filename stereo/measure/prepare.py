@@ -155,8 +155,19 @@ def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared
     noise = render_noise(_noise_free_level(loaded, "left"), _noise_free_level(loaded, "right"),
                          loaded.pair.camera.disparity(truth), visible)
     facts |= {"depth_scale_m": [scale.low, scale.high], "self_check": loaded.check.to_json(),
-              "noise": noise.to_json(), "occlusion": ESTIMATED if view.hidden is None else RAYS}
+              "noise": noise.to_json(), "occlusion": ESTIMATED if view.hidden is None else RAYS,
+              "baked": _baked_facts(loaded.pair)}
     return Prepared(loaded.pair, left, right, truth, visible, gradient, classes, loaded.check, scale, facts)
+
+
+def _baked_facts(pair: Pair) -> dict[str, float] | None:
+    """Noise of baked light over all light, its share of it, and the bound that was asked for; None if none is baked."""
+    stated = pair.data.get("indirect")
+    if not isinstance(stated, dict) or stated.get("method") != "BAKED":
+        return None
+    numbers = {key: stated.get(key) for key in ("noise", "share")}
+    return {key: float(value) for key, value in numbers.items() if isinstance(value, (int, float))} | {
+        "bound": float(pair.settings.quality.bake_noise)}
 
 
 def _unneeded(eye: str, settings: Settings) -> tuple[str, ...]:

@@ -19,6 +19,8 @@ _KNOWN = Maybe(NUMBER, null=True)
 _PART = {"share": NUMBER, "noise_dn": _KNOWN, "hidden": _KNOWN}
 #: ``noise`` of the facts of a pair, see ``render_noise``.
 NOISE: Shape = Maybe({"verdict": Maybe(TEXT, null=True), "lit": _PART, "shadow": _PART, "doubt": _KNOWN}, null=True)
+#: ``baked`` of the facts of a pair: noise of baked light over all light, its share of it, the bound that was asked for.
+BAKED: Shape = Maybe({"noise": Maybe(NUMBER), "share": Maybe(NUMBER), "bound": NUMBER}, null=True)
 _FIXES = {STATED: "Leave the option out, and the range follows from the rig.",
           FIXED: "Nothing is known of the rig, so state a larger range."}
 
@@ -45,6 +47,7 @@ class Notes:
         self._search: dict[str, list[tuple[str, Mapping[str, Any]]]] = {method.label: [] for method in methods}
         self._pairs, self._noisy, self._estimated = 0, 0, 0
         self._decided: list[float] = []
+        self._baked: list[tuple[float, float, float]] = []  # noise, share, bound
 
     def add_pair(self, facts: Mapping[str, Any]) -> bool:
         """Add the facts of a pair; return whether noise of its render decides its result."""
@@ -52,6 +55,9 @@ class Notes:
         self._pairs += 1
         self._noisy += noise.get("verdict") == NOISY
         self._estimated += facts.get("occlusion") == ESTIMATED
+        baked = facts.get("baked")
+        if baked:
+            self._baked.append((baked.get("noise", 0.0), baked.get("share", 0.0), baked["bound"]))
         decided = noise.get("verdict") == DECIDES
         self._decided += [noise["doubt"]] if decided else []
         return bool(decided)
@@ -70,7 +76,8 @@ class Notes:
         from_truth = [label for label, found in self._search.items() if any(s["source"] == TRUTH for _, s in found)]
         known = (Note(f"{label} has its range from truth", "it searches only the disparities that each pair contains, "
                       "which no camera knows.") for label in from_truth)
-        return [*filter(None, missed), *self._noise(), *known, *self._plugins(), *self._occlusion()]
+        return [*filter(None, missed), *self._noise(), *known, *self._plugins(), *self._occlusion(),
+                *self._baked_light()]
 
     def _plugins(self) -> Iterator[Note]:
         for fault in self._faults:
@@ -83,6 +90,16 @@ class Notes:
             yield Note(f"Hidden pixels are estimated in {self._estimated} of {self._pairs} pairs",
                        "from the depths of both eyes. Pairs rendered since version 0.2 with quality.truth FULL contain "
                        "what rays found.")
+
+    def _baked_light(self) -> Iterator[Note]:
+        if not self._baked:
+            return
+        noise, share, _ = max(self._baked)
+        over = sum(noise > bound for noise, _, bound in self._baked)
+        more = f" In {over} of them it is above quality.bake_noise; raise quality.bake_samples." if over else ""
+        yield Note(f"Indirect light is baked in {len(self._baked)} of {self._pairs} pairs",
+                   "its noise is fixed to the ground, alike in both eyes, so matchers take it for texture. It is at "
+                   f"most {100 * noise:.2g} % of the light, in a pair of which {100 * share:.2g} % is indirect.{more}")
 
     def _noise(self) -> Iterator[Note]:
         if self._decided:

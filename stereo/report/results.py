@@ -24,7 +24,7 @@ from .by_setting import scene_of, swept_settings
 from .charts import write_curves
 from .conditions import conditions_of, name_levels, preset_title, titles_of
 from .html import choose_pairs, write_report
-from .notes import NOISE, SEARCH, Notes
+from .notes import BAKED, NOISE, SEARCH, Notes
 from .ranking import rank_methods
 from .rare_failures import describe_rare_failures
 from .row_log import LazyRows, Row, RowLog
@@ -42,7 +42,7 @@ FACTS: dict[str, Shape] = {"pair": TEXT, "key": TEXT, "images": Each(TEXT, TEXT)
          "self_check": {"ok": FLAG, "problems": Each(TEXT)}, "warnings": Maybe(Each(TEXT)), "rendered": TABLE,
          "width_px": PIXELS, "height_px": PIXELS, "true": NUMBER, "visible": Maybe(NUMBER, null=True),
          "exposure_s": Maybe(NUMBER), "scene": Maybe(TEXT), "noise": NOISE,
-         "occlusion": Maybe(TEXT, null=True)}
+         "occlusion": Maybe(TEXT, null=True), "baked": BAKED}
 _KNOWN = Maybe(NUMBER, null=True)
 #: A row, see ``evaluate.evaluate``.
 ROW: dict[str, Shape] = {

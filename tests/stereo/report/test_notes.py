@@ -4,7 +4,7 @@ import pytest
 from icymoon.records import find_fault
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.render_noise import CLEAN, DECIDES, NOISY
-from icymoon.stereo.report.notes import NOISE, SEARCH, Notes
+from icymoon.stereo.report.notes import BAKED, NOISE, SEARCH, Notes
 
 
 def sentences(text, *searches):
@@ -74,3 +74,23 @@ def test_a_brief_note_names_the_whole_method():
     note, = notes.found()
     assert note.brief == "bm:window=21 cannot measure everything"
     assert note.sentence == f"{note.brief}: {note.detail}"
+
+
+def with_baked(*numbers):
+    notes = Notes(parse_methods("bm"))
+    for noise, share in numbers:
+        facts = {"baked": {"noise": noise, "share": share, "bound": 0.01}}
+        assert not find_fault(facts, {"baked": BAKED})
+        notes.add_pair(facts)
+    notes.add_pair({"baked": None})
+    return [note.sentence for note in notes.found()]
+
+
+def test_noise_of_baked_light_is_stated_with_the_fix_where_it_is_above_its_bound():
+    said, = with_baked((0.004, 0.2), (0.033, 0.79))
+    assert said.startswith("Indirect light is baked in 2 of 3 pairs")
+    assert "at most 3.3 % of the light, in a pair of which 79 % is indirect" in said
+    assert "In 1 of them it is above quality.bake_noise" in said
+    within, = with_baked((0.004, 0.2))
+    assert "above" not in within
+    assert not with_baked()
