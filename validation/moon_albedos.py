@@ -22,8 +22,10 @@ _BURATTI = ("Buratti et al. 2022, Planetary Science Journal 3, 200, as the progr
 _NARROW = ("Likely cause: two measurements disagree by more than their errors; the preset meets the one that was made "
            "at the smallest phase angles")
 _EARLIER = "Likely cause: two publications disagree by more than their errors; the preset meets the later one"
-_SPIKE = ("Likely cause: the narrow surge, which raises the preset from 0.62 at a phase of 1° to 0.75, and which an "
-          "extrapolation from larger angles has not")
+_SPIKE = ("Likely cause: a measurement that has only part of the narrow surge. The preset is 0.75 with the surge and, "
+          "see below, 0.62 without; by the colour, also below, another measurement is 0.79 at 0.55 µm")
+_WITHOUT_SURGE = ("Cause, by the row of the phase integral without the surge: the albedo that it is made with leaves "
+                  "the narrow surge out")
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,8 @@ MEASURED = (
     Measured("europa_global", "Bond", 0.65, 0.03, "Grundy et al. 2007 and Buratti, quoted: 0.62 to 0.68"),
     Measured("europa_global", "geometric", 0.67, 0.03, "V band, of JPL's table of satellites as Wikipedia quotes it",
              why=_SPIKE),
-    Measured("europa_global", "phase integral", 0.97, 0.06, "Bond over geometric albedo, both as above", why=_SPIKE),
+    Measured("europa_global", "phase integral", 0.97, 0.06, "Bond over geometric albedo, both as above",
+             why=_WITHOUT_SURGE),
     Measured("europa_bright_plains", "Bond", 0.68, 0.003, "upper end of 0.62 to 0.68, as above", fitted=True),
 )
 
@@ -113,13 +116,26 @@ def opposition_effect(law: photometry.Law) -> float:
     return float(none / five - 1)
 
 
+def albedo_without_surge(law: photometry.Law) -> float:
+    """Geometric albedo by a line through the magnitudes at phases of 1.5° to 12°, as seen from Earth."""
+    phases = np.linspace(1.5, 12.0, 8)
+    magnitudes = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))
+    return float(10 ** (-0.4 * np.polyfit(phases, magnitudes, 1)[1]))
+
+
 def _europa_rows() -> list[Row]:
     """What is published of Europa beside albedos at the presets' 0.55 µm."""
     whole, plains, dark = (preset_law(f"surfaces/hapke_europa_{name}")
                            for name in ("global", "bright_plains", "dark_lineae"))
     colour, error = europa_over_green(470.0)
     five = float(np.pi * dark(np.zeros(1), np.radians([5.0]), np.zeros(1))[0])
+    extrapolated = albedo_without_surge(whole)
     return [
+        Row("`hapke_europa_global`, geometric albedo, in a line from phases of 1.5° to 12°", extrapolated, 0.67, 0.03,
+            "V band, as above", why="Likely cause: the measured albedo has part of the surge; it is between this and "
+            "the one with all of it"),
+        Row("`hapke_europa_global`, phase integral with this albedo", photometry.bond_albedo(whole) / extrapolated,
+            0.97, 0.06, "as above"),
         Row(f"`hapke_europa_global`, geometric albedo at 0.47 µm, by the colour {colour:.3f} of the trailing side",
             photometry.geometric_albedo(whole) * colour, 0.67, 0.05, "doi 10.48577/jpl.6IR6VA, abstract: 0.72 "
             f"leading, 0.62 trailing; colour: see Colours, ± {error:.3f}"),

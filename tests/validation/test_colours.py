@@ -1,14 +1,16 @@
 """What the comparisons compute from published spectra and from laws, by cases that are known."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 from icymoon.physics.surfaces import photometry
+from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from icymoon.physics.surfaces.spectra import MATERIALS
 from icymoon.validation import published_spectra as published
 from icymoon.validation.colours import dark_share
-from icymoon.validation.moon_albedos import opposition_effect
+from icymoon.validation.moon_albedos import albedo_without_surge, opposition_effect
 
 
 def test_dark_matter_beside_plains_has_the_level_of_the_trailing_side():
@@ -22,6 +24,16 @@ def test_ratios_of_europa_are_the_mean_of_two_spectra():
     ratio, error = published.europa_over_green(700.0)
     assert (ratio - error, ratio + error) == pytest.approx((0.6394 / 0.6110, 1.0066 / 0.8459))
     assert all(len(spectrum) == len(published.WAVELENGTH_NM) for spectrum in published.SNOW.values())
+
+
+def test_an_albedo_in_a_line_from_larger_phases_leaves_a_narrow_surge_out():
+    surging, bare = (partial(bidirectional_reflectance, parameters=HapkeParameters(
+        w=0.964, b=0.429, c=0.113, b_s0=amplitude, h_s=0.0002, b_c0=0.0, h_c=0.0, theta_bar=0.17,
+        h_function="1981")) for amplitude in (0.5, 0.0))
+    without = photometry.geometric_albedo(bare)
+    # 2 % of the surge's amplitude is left at 1.5°, and the rest of the curve bends.
+    assert albedo_without_surge(surging) == pytest.approx(without, rel=0.03)
+    assert photometry.geometric_albedo(surging) > 1.15 * without
 
 
 def test_the_opposition_effect_of_laws_without_a_surge():
