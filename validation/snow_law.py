@@ -67,11 +67,13 @@ def lambert_errors() -> tuple[np.ndarray, np.ndarray]:
 
 def _compare(bench: Bench) -> list[Row]:
     fresh = load_preset("surfaces/fresh_snow")
-    surfaces = {"the law `SNOW` in Cycles": _surface("SNOW", 0.9),
-                "`fresh_snow` without relief and patches": merged(defaults(), fresh, check(
-                    {"surface": {"albedo_variation": 0.0, "grain_amplitude_m": 0.0, "glint_share": 0.0}}, "snow")),
-                "`fresh_snow` without patches": merged(defaults(), fresh, check(
-                    {"surface": {"albedo_variation": 0.0, "glint_share": 0.0}}, "snow"))}
+    law = _surface("SNOW", 0.9)
+    surfaces = {f"the law `SNOW` by {name} in Cycles": merged(law, check({"hapke": {"backend": backend}}, "snow"))
+                for backend, name in (("NODES", "nodes"), ("OSL", "OSL"))} | {
+        "`fresh_snow` without relief and patches": merged(defaults(), fresh, check(
+            {"surface": {"albedo_variation": 0.0, "grain_amplitude_m": 0.0, "glint_share": 0.0}}, "snow")),
+        "`fresh_snow` without patches": merged(defaults(), fresh, check(
+            {"surface": {"albedo_variation": 0.0, "glint_share": 0.0}}, "snow"))}
     found = render_ball(bench, list(surfaces.values()), _QUICK if bench.quick else _PHASES, _DISTANCE, pixels=120,
                         samples=32)
     rows = _rows("Lambert's law, albedo 1, by the formula", *lambert_errors(), 0.05,

@@ -16,6 +16,7 @@ Directions are sampled by the cosine, so that a scene converges as with Lambert'
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 _NAMES = ("w", "b", "c", "b_s0", "h_s", "b_c0", "h_c", "theta_bar_deg", "k")
@@ -91,16 +92,26 @@ def _h_function(x: Any, q: dict[str, Any]) -> Any:
 
 def register() -> None:
     """Make the BSDF ``icymoon_hapke`` known to Mitsuba, for the variant that is chosen."""
+    register_law("icymoon_hapke", _read_parameters, brdf)
+
+
+def _read_parameters(props: Any) -> dict[str, Any]:
+    return {name: float(props.get(name, _DEFAULTS.get(name, 0.0))) for name in _NAMES} | {
+        "h_function": int(props.get("h_function", 2002))}
+
+
+def register_law(plugin: str, read: Callable[[Any], dict[str, Any]],
+                 law: Callable[[dict[str, Any], Any, Any], Any]) -> None:
+    """Make a BSDF known as ``plugin``: its parameters are read from properties, ``law`` is as ``brdf`` above."""
     import drjit as dr
     import mitsuba as mi
 
-    class Hapke(mi.BSDF):  # type: ignore[misc]
+    class Law(mi.BSDF):  # type: ignore[misc]
         """The BSDF; dark from below."""
 
         def __init__(self, props: Any) -> None:
             mi.BSDF.__init__(self, props)
-            self.q: dict[str, Any] = {name: float(props.get(name, _DEFAULTS.get(name, 0.0))) for name in _NAMES}
-            self.q["h_function"] = int(props.get("h_function", 2002))
+            self.q = read(props)
             flags = mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.FrontSide
             self.m_components, self.m_flags = [flags], flags
 
@@ -110,7 +121,7 @@ def register() -> None:
 
         def _value(self, si: Any, wo: Any, active: Any) -> Any:
             lit = active & self._is_seen(si) & (wo.z > 0)
-            return mi.Color3f(dr.select(lit, brdf(self.q, si.wi, wo) * wo.z, 0.0))
+            return mi.Color3f(dr.select(lit, law(self.q, si.wi, wo) * wo.z, 0.0))
 
         def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
             """A direction by the cosine, and its value over its density."""
@@ -135,6 +146,6 @@ def register() -> None:
 
         def to_string(self) -> str:
             """For messages of Mitsuba."""
-            return f"Hapke[{self.q}]"
+            return f"{plugin}[{self.q}]"
 
-    mi.register_bsdf("icymoon_hapke", Hapke)
+    mi.register_bsdf(plugin, Law)

@@ -9,6 +9,7 @@ planar depth in metres at pixel centres, NaN for sky.
 
 from __future__ import annotations
 
+import importlib
 import sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -21,10 +22,10 @@ def render(scene_file: Path, samples: int, seed: int) -> tuple[np.ndarray, np.nd
     import mitsuba as mi
 
     mi.set_variant("llvm_ad_rgb")
-    if "icymoon_hapke" in scene_file.read_text(encoding="utf-8"):
-        import mitsuba_hapke  # the one beside this file: what comes with a scene is not run
-
-        mitsuba_hapke.register()
+    for law in ("hapke", "snow"):
+        if f"icymoon_{law}" in scene_file.read_text(encoding="utf-8"):
+            # The one beside this file: what comes with a scene is not run.
+            importlib.import_module(f"mitsuba_{law}").register()
     scene = mi.load_file(str(scene_file))
     radiance = np.array(mi.render(scene, spp=samples, seed=seed))
     camera = ElementTree.parse(scene_file).getroot().find("sensor")

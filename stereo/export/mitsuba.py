@@ -1,12 +1,12 @@
 """The export ``mitsuba``: the scene of a pair for the renderer Mitsuba 3.
 
 ``<out>/<pair>/`` gets ``scene_left.xml`` and ``scene_right.xml``, which Mitsuba loads as they are, PLY files of the
-evaluated ground and rocks, ``planet.pfm`` if a planet gives light, ``mitsuba_hapke.py`` for Hapke's law, and
-``export.json``, which lists what the scene lacks.
+evaluated ground and rocks, ``planet.pfm`` if a planet gives light, ``mitsuba_hapke.py`` for Hapke's law, that and
+``mitsuba_snow.py`` for the law of snow, and ``export.json``, which lists what the scene lacks.
 
 The scene is built again from the settings of the pair, in Blender, to get its meshes. It has the camera of each eye,
-the Sun's disc as a far disk, the planet's light as a map of the sky, and Lambert's or Hapke's law. The film has a
-Gaussian filter that is as wide as that of Cycles here. Radiance has the unit of the pair, W/(m² sr).
+the Sun's disc as a far disk, the planet's light as a map of the sky, and Lambert's law, Hapke's or that of snow. The
+film has a Gaussian filter that is as wide as that of Cycles here. Radiance has the unit of the pair, W/(m² sr).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from ...physics.surfaces.hapke import porosity_factor
 from ...render.pairs.pair_folder import EYES, Pair
 from ...render.plans.planned_pair import PlannedPair
 from ...render.workers.process import Message
-from ...typed_settings import Settings
+from ...typed_settings import Settings, SurfaceSettings
 from ...version import ROOT
 from .encodings import write_pfm
 from .ground import build_geometry, refuse_edited
@@ -46,6 +46,9 @@ _ALWAYS = 1000
 #: Settings of a surface that the export lacks where they are not 0, the second of Principled ice alone.
 _VARIATIONS = ("albedo_variation", "salt_share", "trough_dirt", "slope_dirt")
 _LAYERS = ("glint_share", "crust_share", "frost_share", "fracture_share")
+
+#: By reflectance law, the files with its BSDF.
+_PLUGINS = {"HAPKE": ("mitsuba_hapke.py",), "SNOW": ("mitsuba_hapke.py", "mitsuba_snow.py")}
 
 Plugin = dict[str, Any]
 
@@ -77,8 +80,9 @@ def write_scene(pair: Pair, folder: Path) -> Path:
     settings, shown = pair.settings, sky(pair.settings.light)
     left_out = find_left_out(settings, shown)
     meshes = [kind for kind in ("terrain", "rock") if (folder / f"{kind}.ply").is_file()]
-    if settings.surface.model == "HAPKE":
-        shutil.copyfile(ROOT / "stereo" / "adapters" / "mitsuba_hapke.py", folder / "mitsuba_hapke.py")
+    models = {_surface_of(settings, kind).model for kind in meshes}
+    for name in dict.fromkeys(name for model, names in _PLUGINS.items() if model in models for name in names):
+        shutil.copyfile(ROOT / "stereo" / "adapters" / name, folder / name)
     shared: dict[str, Plugin] = {
         "integrator": {"type": "path", "max_depth": int(settings.quality.diffuse_bounces) + 2, "rr_depth": _ALWAYS,
                        "hide_emitters": True},
@@ -96,7 +100,7 @@ def find_left_out(settings: Settings, shown: Sky) -> list[str]:
     found = []
     for topic in ("surface", "rock_surface") if settings.rocks.own_surface else ("surface",):
         surface = settings[topic]
-        if surface["model"] not in ("LAMBERT", "HAPKE"):
+        if surface["model"] not in ("LAMBERT", *_PLUGINS):
             found.append(f"{topic}.model {surface['model']} is exported as Lambert's law with the same albedo.")
         if surface["grain_amplitude_m"]:
             found.append(f"{topic}.grain_amplitude_m: relief that the mesh does not have is left out.")
@@ -115,8 +119,14 @@ def find_left_out(settings: Settings, shown: Sky) -> list[str]:
     return found
 
 
+def _surface_of(settings: Settings, kind: str) -> SurfaceSettings:
+    return settings.rock_surface if kind == "rock" and settings.rocks.own_surface else settings.surface
+
+
 def _surface(settings: Settings, kind: str) -> Plugin:
-    surface = settings.rock_surface if kind == "rock" and settings.rocks.own_surface else settings.surface
+    surface = _surface_of(settings, kind)
+    if surface.model == "SNOW":
+        return {"type": "icymoon_snow", "albedo": float(surface.albedo)}
     if surface.model != "HAPKE":
         return {"type": "diffuse", "reflectance": [float(surface.albedo)] * 3}
     hapke = settings.hapke
