@@ -217,7 +217,7 @@ def _leg(lander: LanderSettings, foot: tuple[float, float, float],
     knee = hip + 0.6 * (ankle - hip)
     parts = [rod(METAL, tuple(hip), tuple(knee), 0.036), rod(STEEL, tuple(knee), tuple(ankle), 0.024),
              rod(BLACK, tuple(knee - 0.03 * (ankle - hip)), tuple(knee + 0.012 * (ankle - hip)), 0.042),
-             box(METAL, (0.12, 0.05, 0.14), tuple(hip), 0.01), ball(METAL, ankle, 0.04)]
+             box(METAL, (0.12, 0.05, 0.14), tuple(hip), 0.01), ball(METAL, tuple(ankle), 0.04)]
     low = max(floor + 0.04, 0.12)
     for anchor in ((front - 0.05, side * 0.45 * half, low), (front - 0.75, side * 0.85 * half, low)):
         parts += [rod(METAL, anchor, tuple(hip + 0.82 * (ankle - hip)), 0.018), ball(METAL, anchor, 0.03)]
@@ -241,7 +241,8 @@ def body_capsules(settings: Settings) -> tuple[Capsule, ...]:
     lander, arm = settings.lander, settings.arm
     front, half, top = lander.deck_front_m, lander.deck_width_m / 2, lander.deck_height_m
     shoulder = np.array([arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m])
-    thick, found = 0.06, []
+    thick = 0.06
+    found: list[tuple[Sequence[float], Sequence[float], float]] = []
     for x in np.arange(front - thick, front - 1.4, -2 * thick):
         found.append(((x, -half + thick, top - thick), (x, half - thick, top - thick), thick))
     for x, y in pad_centres(lander):

@@ -47,7 +47,8 @@ def lathe(material: str, profile: Sequence[tuple[float, float]], sides: int = 40
     angles = 2 * np.pi * np.arange(sides) / sides
     ring = np.stack([np.zeros(sides), np.cos(angles), np.sin(angles)], axis=1)
     after = np.roll(np.arange(sides), -1)
-    vertices, triangles = [], []
+    vertices: list[np.ndarray] = []
+    triangles: list[np.ndarray] = []
     for (x0, r0), (x1, r1) in itertools.pairwise(profile):
         start = len(vertices) * 2 * sides
         vertices.append(np.concatenate([ring * r0 + [x0, 0, 0], ring * r1 + [x1, 0, 0]]))

@@ -6,6 +6,7 @@
 * ``kitti``: KITTI 2015, ``training/image_2/000000_10.png`` and so on; ``pairs.csv`` contains the number of each pair.
 * ``middlebury``: Middlebury 2014, ``<pair>/im0.png``, ``disp0.pfm``, ``mask0nocc.png``, ``calib.txt``.
 * ``coco``: left and right images, and ``annotations.json`` with a mask for each rock and each of the user's objects.
+* ``bop``: BOP's layout of poses of the lander's links, see ``bop``.
 * ``cahvor``, ``colmap``: images with camera models, see ``cameras``; ``fits``, ``tiff``: I/F, see ``radiance_factor``;
   ``ros2``: a bag, see ``ros_bag``.
 * ``webdataset``, ``sceneflow``: copies for training, see ``training``; ``parquet-index``: a table of the pairs.
@@ -35,6 +36,7 @@ from ...render.pairs.pair_folder import EYES, StereoCamera
 from ..images.develop import exposure_facts, to_8_bit
 from ..images.image_files import write_bytes, write_png
 from ..measure.prepare import Loaded, distinct_pairs, load
+from .bop import write_bop
 from .cameras import write_cahvor, write_colmap
 from .encodings import KITTI_SCALE, MILLIMETRES, run_lengths, write_pfm, write_scaled
 from .parquet_index import write_parquet_index
@@ -312,7 +314,7 @@ def _pair_by_pair(write: Callable[[Loaded, Path], None]) -> Format:
 
 FORMATS: dict[str, Format] = {
     "png8": _pair_by_pair(_write_png8), "png16": _pair_by_pair(_write_png16), "pfm": _pair_by_pair(_write_pfm),
-    "kitti": _write_kitti, "middlebury": _pair_by_pair(_write_middlebury), "coco": _write_coco,
+    "kitti": _write_kitti, "middlebury": _pair_by_pair(_write_middlebury), "coco": _write_coco, "bop": write_bop,
     "raw": _pair_by_pair(write_raw), "cahvor": _pair_by_pair(write_cahvor), "colmap": write_colmap,
     "fits": _pair_by_pair(write_fits), "tiff": _pair_by_pair(write_tiff), "ros2": write_ros2,
     "webdataset": write_webdataset, "sceneflow": write_sceneflow, "parquet-index": write_parquet_index}

@@ -19,9 +19,10 @@ from icymoon.stereo.images.exr import read_view
 pytestmark = pytest.mark.filterwarnings("error")
 
 RIG = pairs.camera(192, 96)
-#: Layouts that have tests of their own: ``test_field_formats``, whose pairs have poses, ``test_training`` and
-#: ``test_parquet_index``.
-TESTED_ELSEWHERE = {"cahvor", "colmap", "fits", "tiff", "ros2", "webdataset", "sceneflow", "parquet-index"}
+#: Layouts that have tests of their own: ``test_field_formats`` and ``test_bop``, whose pairs have poses,
+#: ``test_training`` and ``test_parquet_index``.
+TESTED_ELSEWHERE = {"bop", "cahvor", "colmap", "fits", "tiff", "ros2", "webdataset", "sceneflow",
+                    "parquet-index"}
 SCENES = {"one": pairs.Scene(), "two": pairs.Scene(sky_rows=30, distance_m=3.0)}
 
 

@@ -1,0 +1,153 @@
+"""The layout of the BOP benchmark for 6-DoF poses (Hodan et al. 2018; README of bop_toolkit): the lander's links.
+
+``models/obj_000001.ply`` and so on in millimetres, with the origin at the middle of their box; ``test/000000`` has the
+left images and ``test/000001`` the right ones, with an image for each pair. Principal points count from the corner of
+the first pixel, as the toolkit's renderer has them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import write_json
+from ...formats.ply import write_triangles
+from ...physics.arm.lander_solids import solids_of
+from ...physics.arm.silhouette import find_silhouette
+from ...physics.arm.solids import Solid
+from ...render.pairs.pair_folder import EYES
+from ..images.develop import to_8_bit
+from ..images.image_files import write_png
+from ..measure.prepare import Loaded
+from .encodings import MILLIMETRES, write_scaled
+
+#: Millimetres per step of the 16-bit depth, which then reaches 13 m.
+DEPTH_SCALE = 0.2
+_MASK = 255
+
+
+@dataclass
+class _Models:
+    """The models so far: number by link and shape, and the facts of each."""
+
+    folder: Path
+    numbers: dict[tuple[str, bytes], int] = field(default_factory=dict)
+    centres: dict[int, np.ndarray] = field(default_factory=dict)
+    facts: dict[str, Any] = field(default_factory=dict)
+
+    def number_of(self, link: str, solid: Solid) -> int:
+        """The number of the model of a link, which is written when it is new."""
+        key = link, np.round(solid.vertices * MILLIMETRES, 3).tobytes()
+        if key not in self.numbers:
+            number = self.numbers[key] = len(self.numbers) + 1
+            low, high = solid.vertices.min(axis=0), solid.vertices.max(axis=0)
+            self.centres[number] = (low + high) / 2
+            places = (solid.vertices - self.centres[number]) * MILLIMETRES
+            write_triangles(self.folder / f"obj_{number:06d}.ply", places, solid.triangles,
+                            _vertex_normals(solid), (f"link {link}",))
+            self.facts[str(number)] = _facts(places)
+            write_json(self.folder / "models_info.json", self.facts)
+        return self.numbers[key]
+
+
+def _facts(places: np.ndarray) -> dict[str, float]:
+    """Diameter and box of a model in millimetres, as ``models_info.json`` has them."""
+    low, size = places.min(axis=0), np.ptp(places, axis=0)
+    # The farthest two vertices are ends of it in some direction.
+    directions = np.random.default_rng(0).normal(size=(2000, 3))
+    ends = np.unique((places @ directions.T).argmax(axis=0))
+    diameter = max(float(np.linalg.norm(places[ends] - places[k], axis=1).max()) for k in ends)
+    return {"diameter": diameter, **{f"min_{axis}": float(low[k]) for k, axis in enumerate("xyz")},
+            **{f"size_{axis}": float(size[k]) for k, axis in enumerate("xyz")}}
+
+
+def _vertex_normals(solid: Solid) -> np.ndarray:
+    """Unit normals (n, 3): the mean of the triangles around, by area."""
+    a, b, c = (solid.vertices[solid.triangles[:, k]] for k in range(3))
+    normals, faces = np.zeros_like(solid.vertices), np.cross(b - a, c - a)
+    for k in range(3):
+        np.add.at(normals, solid.triangles[:, k], faces)
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
+
+
+def write_bop(each: Any, out: Path) -> None:
+    """Write all pairs with a lander. A pair without one is reported as a failure."""
+    models = _Models(out / "models")
+    scenes: dict[str, dict[str, dict[str, Any]]] = {eye: {"camera": {}, "gt": {}, "gt_info": {}} for eye in EYES}
+
+    def write(pair: Loaded) -> None:
+        lander = pair.pair.data.get("lander")
+        if not lander:
+            raise IcyMoonError(f"{pair.pair.folder}: shows no lander, whose links BOP's layout is of; render it with "
+                               "lander.kind.")
+        image = str(len(scenes["left"]["camera"]))
+        solids = solids_of(pair.settings, lander["pads_m"])
+        for number, eye in enumerate(EYES):
+            folder = out / "test" / f"{number:06d}"
+            _write_image(pair, eye, folder, int(image))
+            scenes[eye]["camera"][image] = _camera(pair, eye)
+            scenes[eye]["gt"][image], scenes[eye]["gt_info"][image] = _write_links(
+                pair, eye, folder, int(image), models, solids)
+            for name, content in scenes[eye].items():
+                write_json(folder / f"scene_{name}.json", content)
+
+    each(write)
+
+
+def _write_image(pair: Loaded, eye: str, folder: Path, image: int) -> None:
+    shown = to_8_bit(pair.images.for_files(eye), pair.images.bits, pair.images.encoding)
+    write_png(folder / "rgb" / f"{image:06d}.png", shown if shown.ndim == 3 else np.repeat(shown[..., None], 3, axis=2))
+    write_scaled(folder / "depth" / f"{image:06d}.png", pair.depth[eye], MILLIMETRES / DEPTH_SCALE)
+
+
+def _matrix(pair: Loaded) -> np.ndarray:
+    camera = pair.pair.camera.rectified
+    return np.array([[camera.focal_px, 0.0, camera.cx_px], [0.0, camera.focal_px, camera.cy_px], [0.0, 0.0, 1.0]])
+
+
+def _camera(pair: Loaded, eye: str) -> dict[str, Any]:
+    found: dict[str, Any] = {"cam_K": _matrix(pair).ravel().tolist(), "depth_scale": DEPTH_SCALE}
+    pose = pair.pair.rectified_pose(eye)
+    if pose is not None:
+        inverse = np.linalg.inv(pose)
+        found |= {"cam_R_w2c": inverse[:3, :3].ravel().tolist(), "cam_t_w2c": (inverse[:3, 3] * MILLIMETRES).tolist()}
+    return found
+
+
+def _write_links(pair: Loaded, eye: str, folder: Path, image: int, models: _Models,
+                 solids: dict[str, Solid]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Write the masks of the links in an image, and return their poses and the facts of their pixels."""
+    poses, facts = [], []
+    instance, depth = pair.views[eye].instance, pair.depth[eye]
+    if instance is None:
+        raise IcyMoonError(f"{pair.pair.folder}: has no labels; render it with quality.truth FULL.")
+    for number, link in enumerate(pair.pair.data["lander"]["links"]):
+        solid, pose = solids[link["name"]], np.array(link[f"link_to_{eye}"], np.float64)
+        model = models.number_of(link["name"], solid)
+        turn, place = pose[:3, :3], pose[:3, :3] @ models.centres[model] + pose[:3, 3]
+        whole = find_silhouette(solid.vertices @ turn.T + pose[:3, 3], solid.triangles, _matrix(pair), depth.shape)
+        seen = instance == link["instance"]
+        poses.append({"obj_id": model, "cam_R_m2c": turn.ravel().tolist(), "cam_t_m2c": (place * MILLIMETRES).tolist()})
+        facts.append(_pixels(whole | seen, seen, depth))
+        for name, mask in (("mask", whole | seen), ("mask_visib", seen)):
+            write_png(folder / name / f"{image:06d}_{number:06d}.png", np.where(mask, _MASK, 0).astype(np.uint8))
+    return poses, facts
+
+
+def _pixels(whole: np.ndarray, seen: np.ndarray, depth: np.ndarray) -> dict[str, Any]:
+    every = int(whole.sum())
+    return {"bbox_obj": _box(whole), "bbox_visib": _box(seen), "px_count_all": every,
+            "px_count_valid": int((whole & np.isfinite(depth)).sum()), "px_count_visib": int(seen.sum()),
+            "visib_fract": float(seen.sum() / every) if every else 0.0}
+
+
+def _box(mask: np.ndarray) -> list[int]:
+    """x, y, width and height of a mask; -1 where it is empty, as BOP has it."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return [-1, -1, -1, -1]
+    return [int(columns[0]), int(rows[0]), int(columns[-1] - columns[0] + 1), int(rows[-1] - rows[0] + 1)]
