@@ -845,9 +845,9 @@ RIG = Topic("rig", "Stereo Camera", "Two identical cameras, parallel unless toed
         ("turn_down_deg_s", "Turn Down (°/s)", "deg/s", 30.0, "Rotation of the rig downward about the left eye"),
         ("roll_deg_s", "Roll (°/s)", "deg/s", 30.0, "Rotation of the rig clockwise about the left eye's optical "
          "axis"))),
-    Setting("motion_exposure_s", "Motion Exposure (s)", 0.0, "Exposure time for motion blur. 0 uses the exposure time "
+    Setting("motion_exposure_s", "Exposure (s)", 0.0, "Exposure time for motion blur. 0 uses the exposure time "
             "of the camera response, which then must not be automatic", "camera", "s", 0.0, 1.0e5, (0.0, 1.0),
-            precision=6, zero="camera"),
+            precision=6, zero="camera's"),
     _metres("x_m", "Site East", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "East coordinate of the left camera", "camera"),
     _metres("y_m", "Site North", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "North coordinate of the left camera",
             "camera"),

@@ -176,9 +176,9 @@ def _look(recognised: Callable[[], bool], columns: tuple[float, ...],
     return None
 
 
-#: Where buttons are looked for across the sidebar: left and right in a row of two, bare icons at its end, and the first
+#: Where buttons are looked for across the sidebar: left and right in a row of two, bare icons at its end, and two
 #: of three.
-COLUMNS = (0.35, 0.66, 0.74, 0.82, 0.9, 0.15)
+COLUMNS = (0.35, 0.66, 0.74, 0.82, 0.9, 0.15, 0.48)
 _found = 0.0  # how far down the last button was
 
 

@@ -71,7 +71,9 @@ def test_what_0_stands_for_is_in_the_label_where_it_is_not_none_of_it():
     assert special <= told | ALWAYS_ON
     for _, setting in all_settings():
         if setting.zero:
-            assert len(fields.at_zero(setting)) <= LINE - 5  # and the number itself, as '0 m'
+            number = {"DISTANCE": "0 m", "PIXEL": "0.000 px"}.get(setting.subtype, f"{0:.{setting.precision}f}")
+            number = "0" if setting.kind == "int" else number
+            assert len(fields.at_zero(setting)) + len(number) <= LINE - 1  # as screenshots show
 
 
 #: What 0 of these does follows from what they are: no limit.
