@@ -205,8 +205,8 @@ MESH = Topic("mesh", "Mesh", "Resolution and extent of the mesh of procedural gr
     Setting("most", "Maximum Vertices", 2000000,
             "Maximum number of vertices. If the largest error needs more, the mesh has a larger error and reports it",
             "geometry", "vertices", 1000, 100000000, (10000, 10000000)),
-    Setting("crests", "Crests", "ROUNDED", "What a graded mesh does with crests of penitentes and rims of pits",
-            "geometry",
+    Setting("crests", "Crests", "ROUNDED", "What a graded mesh does with crests of penitentes and ridges and rims of "
+            "pits", "geometry",
             choices=(("ROUNDED", "Rounded", "Crests are as round as the mesh is coarse, and show small teeth"),
                      ("CUT", "Cut", "Triangles are cut along the crests, which are then as sharp as the law"))),
     Setting("walls", "Walls", "FLUTED", "What a graded mesh does with walls of pits and of broken plates and cracks",

@@ -110,13 +110,13 @@ def _crossed(value: np.ndarray, faces: np.ndarray, widest_m: float) -> np.ndarra
 def _move_onto(start: np.ndarray, line: Line, furthest_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Places on the line near those given, and which of them were found within the distance."""
     places, h = start.copy(), 1e-3 * furthest_m
-    for _ in range(_NEWTON):
+    for _ in range(_NEWTON if len(start) else 0):
         x, y = places.T
         value = line(x, y)
         slope = np.stack([line(x + h, y) - line(x - h, y), line(x, y + h) - line(x, y - h)], axis=1) / (2 * h)[:, None]
         steepness = np.maximum(np.square(slope).sum(axis=1), 1e-12)
         places -= (value / steepness)[:, None] * slope
-    left = np.abs(line(*places.T))
+    left = np.abs(line(*places.T)) if len(start) else furthest_m
     return places, (np.hypot(*(places - start).T) <= furthest_m) & (left < 1e-3 * furthest_m)
 
 
@@ -139,7 +139,7 @@ def _bisect(places: np.ndarray, edges: np.ndarray, value: np.ndarray, line: Line
     """Where the line crosses each edge (k, 2)."""
     start, end = places[edges[:, 0]].copy(), places[edges[:, 1]].copy()
     sign = np.sign(value[edges[:, 0]])
-    for _ in range(_BISECT):
+    for _ in range(_BISECT if len(edges) else 0):
         half = 0.5 * (start + end)
         same = (np.sign(line(half[:, 0], half[:, 1])) == sign)[:, None]
         start, end = np.where(same, half, start), np.where(same, end, half)

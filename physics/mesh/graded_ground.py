@@ -12,7 +12,7 @@ from ...typed_settings import RigSettings, Settings
 from ..terrain.landforms import Walls
 from ..terrain.terrain import Terrain
 from .broken_walls import BEFORE, break_walls, breaks_walls
-from .cut_lines import cut_along
+from .cut_lines import Line, cut_along
 from .fine_relief import carried_share, is_seen, nearest_m
 from .grading import CARRIED, Grading, grade
 from .horizon import drop_m
@@ -91,8 +91,8 @@ class Graded:
         places = np.stack([_round_to_single(x + self.grading.view.x_m), _round_to_single(y + self.grading.view.y_m)],
                           axis=1)
         faces, sharp = rings.faces(), np.empty((0, 2), np.int64)
-        for crests in (each.crests for each in self.ground.landforms if self.cuts_crests and each.crests):
-            cut = cut_along(places, faces, step, crests.line, crests.apart_m)
+        for line, apart_m in self._lines():
+            cut = cut_along(places, faces, step, line, apart_m)
             places, faces, sharp = _round_to_single(cut.places), cut.faces, np.concatenate([sharp, cut.sharp_edges()])
             step = self.grading.spacing_at(np.hypot(*self._from_the_site(places)))
         whole = GradedMesh(self._raise(places, step), faces, sharp)
@@ -101,6 +101,11 @@ class Graded:
         for walls in (each.walls for each in self.ground.landforms if self.breaks_walls and each.walls):
             whole = self._break(whole, walls)
         return whole
+
+    def _lines(self) -> list[tuple[Line, float]]:
+        """The lines that triangles are cut along, and about how far apart they are in metres."""
+        crests = [each.crests for each in self.ground.landforms if self.cuts_crests and each.crests]
+        return [(line, each.apart_m) for each in crests for line in each.lines]
 
     def _from_the_site(self, places: np.ndarray) -> np.ndarray:
         """East and north (2, n) of the left eye of places or positions (n, 2 or 3), in metres."""

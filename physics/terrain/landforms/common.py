@@ -23,10 +23,11 @@ _CHIP_DEPTH = 0.4
 
 @dataclass(frozen=True)
 class Crests:
-    """Sharp crests of a landform: ``line(x_m, y_m)`` is the signed distance from the nearest, metres, and the next is
-    about ``apart_m`` away. A mesh with edges along them takes ``heights``, sharp where it is fine enough."""
+    """Sharp crests of a landform: each of ``lines``, as ``line(x_m, y_m)``, is the signed distance from the nearest in
+    metres, and the next is about ``apart_m`` away. Crests of one line do not cross; those of several may. A mesh with
+    edges along them takes ``heights``, sharp where it is fine enough."""
 
-    line: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    lines: Sequence[Callable[[np.ndarray, np.ndarray], np.ndarray]]
     heights: Callable[[np.ndarray, np.ndarray, Any], np.ndarray]
     apart_m: float
 

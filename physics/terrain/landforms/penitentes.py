@@ -104,5 +104,5 @@ def make(settings: PenitentesSettings, random: np.random.Generator, size_m: floa
         """Rounded only where the mesh is too coarse for an edge along the crest."""
         return heights(x_m, y_m, np.clip(2.0 * (shortest_m - _SHARP * spacing), 0.0, shortest_m))
 
-    crests = Crests(lambda x_m, y_m: spacing * offset(x_m, y_m)[0], sharp_heights, spacing)
+    crests = Crests([lambda x_m, y_m: spacing * offset(x_m, y_m)[0]], sharp_heights, spacing)
     return Landform(spacing / 2, heights, crests if sharpness > 0.0 else None)

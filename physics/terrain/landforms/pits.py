@@ -70,4 +70,4 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
         lag = np.maximum(facets(x / size, y / size, _LAG_SIDE, keys[4]) - _LAG_BURIED, 0.0)
         return -depth * down * (1.0 - _LAG_HEIGHT * lag * down)
 
-    return Landform(wall, heights, Crests(inside_m, heights, settings.diameter_m), Walls(depth, keys[4]))
+    return Landform(wall, heights, Crests([inside_m], heights, settings.diameter_m), Walls(depth, keys[4]))

@@ -7,13 +7,14 @@ Images resolve no narrower ones, so ridges of metres are a hypothesis of scale.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ....typed_settings import RidgesSettings
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .common import Landform, draw_key, smooth_step, turn, wander
+from .common import Crests, Landform, draw_key, smooth_step, turn, wander
 
 #: Where the crests are, as a share of half the width.
 _CREST = 0.4
@@ -27,6 +28,12 @@ def profile(place: np.ndarray, trough: float) -> np.ndarray:
     inner = 1.0 - trough * (1.0 - place / _CREST)
     down = np.clip((1.0 - place) / (1.0 - _CREST), 0.0, 1.0)
     return np.where(place < _CREST, inner, 0.5 * (down + smooth_step(down)))
+
+
+def edges(place: np.ndarray) -> np.ndarray:
+    """Distance to the nearest edge across a ridge, in half widths, negative on one side: both crests and the trough."""
+    far = np.abs(place)
+    return np.where(far < _CREST / 2, place, np.sign(place) * (_CREST - far))
 
 
 def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -> Landform | None:
@@ -61,5 +68,9 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
             total += height * profile(place, settings.trough)
         return total
 
-    return Landform(width * min(_CREST, 1 - _CREST) / 2, heights)
+    def line(k: int, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        return width / 2 * edges(one_set(k, x_m, y_m))
+
+    crests = Crests([partial(line, k) for k in range(sets)], heights, _CREST * width / 2)
+    return Landform(width * min(_CREST, 1 - _CREST) / 2, heights, crests)
 

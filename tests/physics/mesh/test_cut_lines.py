@@ -96,7 +96,7 @@ def _low_m(ground, positions, faces):
     crests = ground.landforms[0].crests
     x = np.repeat(np.linspace(-3.0, 3.0, 61), 600)
     y = np.tile(np.linspace(-3.0, 3.0, 600), 61)
-    across = crests.line(x, y).reshape(61, 600)
+    across = crests.lines[0](x, y).reshape(61, 600)
     k, j = np.nonzero((across[:, :-1] * across[:, 1:] < 0) & (np.abs(np.diff(across, axis=1)) < 0.1))
     share = across[k, j] / (across[k, j] - across[k, j + 1])
     x = x.reshape(61, 600)[k, j]
@@ -133,6 +133,25 @@ def test_the_crests_of_penitentes_have_no_teeth(disorder):
         low[crests] = _low_m(ground, positions, faces)
     assert np.median(low["CUT"]) < 0.1 * np.median(low["ROUNDED"])
     assert np.quantile(np.abs(low["CUT"]), 0.9) < 0.3 * np.quantile(low["ROUNDED"], 0.9)
+
+
+@pytest.mark.parametrize("sets", [1, 3])
+def test_the_crests_and_troughs_of_ridges_are_edges_of_the_mesh(sets):
+    low = {}
+    for crests in ("ROUNDED", "CUT"):
+        settings = merged(defaults(), {
+            "terrain": {"rms_slope_deg": 0.0},
+            "mesh": {"crests": crests, "error_px": 1.0, "edge_px": 3.0, "farthest_m": 12.0, "most": 60_000},
+            "ridges": {"height_m": 1.0, "width_m": 6.0, "spacing_m": 7.5, "sets": sets},
+            "rig": {"width_px": 160, "height_px": 120}})
+        ground = make_terrain(settings, 1)
+        positions, faces, sharp = grade_ground(ground, settings).mesh()
+        assert (len(sharp) > 0) == (crests == "CUT")
+        assert _edge_counts(faces).max() == 2
+        assert (_areas(positions, faces) > 0).all()
+        low[crests] = np.abs(_low_m(ground, positions, faces))
+    # Where sets cross, the edges of a younger one cut those of an older one, whose vertices are then on neither line.
+    assert np.quantile(low["CUT"], 0.8) < 0.2 * np.quantile(low["ROUNDED"], 0.8)
 
 
 @pytest.mark.parametrize("penitentes", [{}, {"height_m": 2.0, "sharpness": 0.0}])
