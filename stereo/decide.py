@@ -267,7 +267,7 @@ def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
         "cell_m": grid.cell_m, "rows": grid.rows, "columns": grid.columns, "origin_m": [grid.west_m, grid.north_m],
         "sun_elevation_deg": float(np.degrees(np.arcsin(np.clip(up, -1, 1)))),
         "excavation": _excavation(workspace), "height_px": int(prepared.left.shape[0]),
-        "suspect": not prepared.check.ok,
+        "suspect": not prepared.check.ok, "noise": prepared.facts.get("noise"),
         "images": {kind: (folder / file).relative_to(out).as_posix() for kind, file in files.items()}})
 
 

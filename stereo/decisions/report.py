@@ -18,6 +18,7 @@ import numpy as np
 from ...files import escape_cell, read_text, write_json, write_text
 from ...version import version
 from ..matchers import TITLES
+from ..measure.render_noise import DECIDES
 from ..report import comparisons
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg
 from ..report.pictures import embed_picture
@@ -204,6 +205,10 @@ def find_notes(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, A
     if unseen:
         notes.append(f"{unseen} of {len(facts)} pairs contain no true heights (workspace.cell_m is 0), so their truth "
                      "is the true depth of both eyes: ground that neither eye sees is not known, and counts nowhere.")
+    by_noise = sum((fact.get("noise") or {}).get("verdict") == DECIDES for fact in facts)
+    if by_noise:
+        notes.append(f"Noise of the render decides the result in {by_noise} of {len(facts)} pairs: heights are rougher "
+                     "than those of a camera's own noise, and sites look less safe; raise quality.samples.")
     suspect = sorted({row["pair"] for row in rows if row["status"] == "suspect"})
     if suspect:
         notes.append(f"{len(suspect)} pairs contradict themselves and count in no mean: {', '.join(suspect[:5])}.")
