@@ -51,7 +51,7 @@ def test_what_limits_the_results_is_kept_with_them(scene, tmp_path):
     assert results.limits(scene) == ("Noise decides: so.", "bm misses.")
     assert results.limits_in_brief(scene) == ("Noise decides", "bm:x=2 misses")
     labels = [entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label"]
-    table = labels.index("Matcher")
+    table = labels.index("Wrong")
     assert labels.index("bm:x=2 misses") < table < labels.index("Noise decides: so.")
 
 
@@ -66,7 +66,7 @@ def test_matchers_that_fail_rarely_stand_whole_below_the_ranks(scene, tmp_path):
     assert results.rare_failures(scene) == (sentence,)
     labels = [entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label"]
     first = next(k for k, label in enumerate(labels) if label.startswith("sgbm fails rarely"))
-    assert first > labels.index("Matcher")
+    assert first > labels.index("Wrong")
     assert sentence in " ".join(labels[first:])  # in lines that the sidebar shows
 
 
