@@ -86,6 +86,11 @@ def why_not_baked(settings: Settings) -> str:
     return ""
 
 
+def traced_sentence(why: str) -> str:
+    """The sentence for the user that light is traced although it was to be baked; ``why`` is a clause."""
+    return f"light: indirect light is traced although quality.indirect is BAKED, because {why}."
+
+
 def can_be_baked(settings: Settings) -> bool:
     """Whether indirect light may be baked: the settings ask for it and the scene allows it."""
     return settings.quality.indirect != "TRACED" and not why_not_baked(settings)
@@ -138,7 +143,7 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
                          + (f"it is {share:.2g} of the Sun's, which is below light.planet_least." if share > 0 else
                             "the planet is below the horizon or unlit."))
     if settings.quality.indirect == "BAKED" and (why := why_not_baked(settings)):
-        sentences.append(f"light: indirect light is traced although quality.indirect is BAKED, because {why}.")
+        sentences.append(traced_sentence(why))
     if settings.quality.truth == "DEPTH":
         sentences.append("truth: no normals and no labels, because quality.truth is DEPTH.")
     return sentences

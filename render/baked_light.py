@@ -66,6 +66,19 @@ class Indirect:
                 "cpu_seconds_of_bake": round(self.light.cpu_seconds, 3)}
 
 
+    def why_too_noisy(self, stated: dict[str, Any] | None, limit: float) -> str:
+        """Why an image must be traced after all, as a clause, by what ``to_json`` states of it; empty if it need not.
+
+        The noise of baked light is fixed to the ground and passes for texture, so where much light is indirect it would
+        make matching easier than it is. No ``limit`` is 0.
+        """
+        if self.light is None or stated is None or not 0 < limit < stated["noise"]:
+            return ""
+        return (f"baked light would have noise of {100 * stated['noise']:.2g} % of the light, because "
+                f"{100 * stated['share']:.2g} % of it is indirect, which is above quality.bake_noise; raise "
+                "quality.bake_samples")
+
+
 def provide(built: Built, scene: bpy.types.Scene, settings: Settings, dataset: Path, claims: Claims) -> Indirect:
     """Put the baked light of a pair's settings on the built ground, from the data set's file if it is there.
 

@@ -18,9 +18,10 @@ from ..paper_stand_ins.items import describe, items_of
 from ..physics import refused_scenes
 from ..physics.camera.blur import blur_of
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
-from ..physics.scene_requirements import find_left_out
+from ..physics.scene_requirements import find_left_out, traced_sentence
 from ..system import peak_memory_mib
 from ..typed_settings import WorkspaceSettings
+from ..typed_settings import Settings
 from ..version import version
 from .graphics_cards import list_selected_cards
 from .ground_maps import workspace_extent
@@ -64,6 +65,13 @@ def _channels(depth_alone: bool) -> dict[str, Any]:
                     f"object index ({TERRAIN_INSTANCE} terrain, others objects); 0 sky"}
 
 
+def _left_out(built: Built, settings: Settings, indirect: dict[str, Any] | None) -> list[str]:
+    """What is not rendered, with why light is traced where that shows only in the scene or the image."""
+    sentences = find_left_out(settings, built.sky)
+    traced = [traced_sentence(indirect["why"])] if indirect and "why" in indirect else []
+    return [*sentences, *(each for each in traced if each not in sentences)]
+
+
 def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], toward_sun: np.ndarray,
            files: dict[str, Any], seconds: dict[str, float], denoiser: str,
            indirect: dict[str, Any] | None) -> dict[str, Any]:
@@ -86,7 +94,7 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
         "blur": blur.to_json() if blur else None,
         "light": _light_json(built, toward_sun),
-        "left_out": find_left_out(settings, built.sky), "advice": refused_scenes.scene_advice(settings),
+        "left_out": _left_out(built, settings, indirect), "advice": refused_scenes.scene_advice(settings),
         "channels": _channels(settings.quality.truth == "DEPTH"),
         "seeds": {"dataset": settings.dataset.seed, "render": planned.render_seed},
         "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),

@@ -144,6 +144,8 @@ def render_pair(built: Built, scene: bpy.types.Scene, planned: PlannedPair, data
         part.mkdir(parents=True)
     try:
         found = _render_into(part, built, scene, planned, report, indirect)
+        if why := indirect.why_too_noisy(found.get("indirect"), planned.settings.quality.bake_noise):
+            found = _render_into(part, built, scene, planned, report, Indirect(why_traced=why))
         found["seconds"]["build"] = round(seconds_build, 3)
         # Of all threads; "before" is what this process had spent: its start, the build, other pairs and their bakes.
         found["cpu_seconds"] = {"before": round(spent - indirect.spent_s, 3),

@@ -1002,8 +1002,8 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
             "Maximum number of light paths per corner of the ground's mesh for baked light. Fewer are taken where "
             "quality.bake_noise is reached before", "sampling", "samples", 4, 65536, (16, 1024)),
     Setting("bake_noise", "Bake Noise", 0.01,
-            "Noise of baked light over the mean light of the ground, at which it gets no more samples. It is fixed to "
-            "the ground and passes for texture, so keep it under the noise of the sensor. 0 takes all samples",
+            "Noise of baked light over all light at which it gets no more samples, and above which an image is traced "
+            "after all. It passes for texture, so keep it under the noise of the sensor. 0 for no limit",
             "sampling", "1", 0.0, 1.0, (0.0, 0.05)),
     Setting("truth", "Truth", "FULL", "Truth that is rendered with the images", "sampling",
             choices=(("FULL", "Full", "Depth, normals and labels, in a separate render with one sample per pixel"),

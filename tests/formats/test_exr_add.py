@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import OpenEXR
 import pytest
-from icymoon.formats.exr_add import add_planet
+from icymoon.formats.exr_add import add_baked, add_planet
 from icymoon.formats.exr_layout import is_whole
 from icymoon.formats.exr_parts import assemble, join_files, read_pieces, strip_passing
 from icymoon.formats.exr_pixels import Pixels, drop_passes
@@ -117,3 +117,21 @@ def test_a_pass_is_added_beside_others(tmp_path, several, compression, height):
     found = read(tmp_path / "both.exr")
     assert np.array_equal(found["Truth.Hidden.X"], hidden[..., 0])
     assert np.array_equal(found["Truth.Normal.G"], normal[..., 1])
+
+
+@pytest.mark.parametrize("several", [True, False])
+def test_baked_light_is_added_to_the_image_and_its_share_is_known(tmp_path, several):
+    random = np.random.default_rng(3)
+    direct, baked, other = ((random.random((20, 31, 3)) * scale).astype(np.float32) for scale in (10.0, 3.0, 1.0))
+    write(tmp_path / "view.exr", {"Beauty.Combined": direct, "Beauty.Baked": baked, "Beauty.Depth": other}, several,
+          OpenEXR.ZIP_COMPRESSION)
+    added, share = add_baked((tmp_path / "view.exr").read_bytes())
+    assert share == pytest.approx(baked.sum() / (direct + baked).sum(), rel=1e-6)
+    (tmp_path / "view.exr").write_bytes(join_files({"Beauty": added}, partial(drop_passes, unwanted={"Beauty.Baked"})))
+    found = read(tmp_path / "view.exr")
+    for k, band in enumerate("RGB"):
+        assert np.array_equal(found[f"Beauty.Combined.{band}"], (direct + baked)[..., k])
+        assert np.array_equal(found[f"Beauty.Depth.{band}"], other[..., k])
+    assert not any("Baked" in name for name in found)
+    with pytest.raises(KeyError):
+        add_baked((tmp_path / "view.exr").read_bytes())
