@@ -20,8 +20,7 @@ from ..physics.camera.blur import blur_of
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ..physics.scene_requirements import find_left_out, traced_sentence
 from ..system import peak_memory_mib
-from ..typed_settings import WorkspaceSettings
-from ..typed_settings import Settings
+from ..typed_settings import Settings, WorkspaceSettings
 from ..version import version
 from .graphics_cards import list_selected_cards
 from .ground_maps import workspace_extent
