@@ -112,7 +112,8 @@ class Comparison:
     """A comparison: ``name`` on the command line, title and a paragraph for the page, and what makes its rows.
 
     One that is not ``quick`` is left out of a quick run; the others may look at fewer cases there. One that ``needs``
-    data names the option that gives their folder; without it, a run of all comparisons leaves it out.
+    data names the option that gives their folder; without it, a run of all comparisons leaves it out. ``figure`` is a
+    picture of the page, in Markdown, that was made with the tables.
     """
 
     name: str
@@ -121,6 +122,7 @@ class Comparison:
     compare: Callable[[Bench], list[Row]]
     quick: bool = True
     needs: str = ""
+    figure: str = ""
 
     @property
     def command(self) -> str:

@@ -47,6 +47,8 @@ def markdown_section(result: Result) -> str:
     comparison = result.comparison
     command = f"`{comparison.command}`"
     lines = [f"## {comparison.title}", "", *textwrap.wrap(comparison.text, 120), "", command, ""]
+    if comparison.figure:
+        lines += [*textwrap.wrap(comparison.figure, 120, break_on_hyphens=False), ""]
     if result.error:
         return "\n".join([*lines, f"Not made: {result.error}", ""])
     rows = [_HEADS, ("---",) * len(_HEADS), *(cells(row) for row in result.rows)]

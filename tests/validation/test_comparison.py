@@ -116,6 +116,12 @@ def test_sections_of_a_page_are_renewed_and_the_rest_stays(tmp_path):
     assert replace_sections("# Page\n\n## Last\n\nEnd.\n", [result]) == new.replace("Intro.\n\n", "")
 
 
+def test_a_figure_is_below_the_command(tmp_path):
+    comparison = Comparison("a", "A", "Text.", lambda bench: [Row("q", 1.0, 1.0, 0.0, "s")], figure="![Twins](a.png)")
+    section = markdown_section(run_comparison(comparison, Bench(tmp_path)))
+    assert f"`{comparison.command}`\n\n![Twins](a.png)\n\n| quantity" in section
+
+
 def test_the_manual_has_a_section_of_every_comparison():
     page = (ROOT / "docs" / "theory" / "validation.md").read_text(encoding="utf-8")
     for each in COMPARISONS:

@@ -96,17 +96,22 @@ def _outline_points(points: np.ndarray, lamp: np.ndarray, level_m: float) -> np.
 
 
 class Shadows:
-    """What the left eyes show of shadows, to be compared with those of the visible parts of rocks."""
+    """What the left eyes show of shadows, to be compared with those of the visible parts of rocks.
+
+    By azimuth, ``points`` (n, 3) are those that can be outline of a rock's shadow, and ``ends`` where those of a rock
+    end.
+    """
 
     def __init__(self, terrain: Terrain, camera: Calibration, sand: Sand) -> None:
         self.camera, self.terrain = camera, terrain
-        #: Points (n, 3) of each rock that can be outline of its shadow, by azimuth.
-        self.parts: dict[int, list[np.ndarray]] = {azimuth: [] for azimuth in terrain.azimuths}
+        outlines: dict[int, list[np.ndarray]] = {azimuth: [] for azimuth in terrain.azimuths}
         for k, rock in enumerate(terrain.rocks):
             points, faces = sand.visible(k, rock)
-            for azimuth, parts in self.parts.items() if len(faces) else ():
-                parts.append(_outline_points(points[np.unique(faces)], surveyed_lamp(azimuth, sand),
+            for azimuth, found in outlines.items() if len(faces) else ():
+                found.append(_outline_points(points[np.unique(faces)], surveyed_lamp(azimuth, sand),
                                              float(sand.planes[k, 0])))
+        self.points = {azimuth: np.concatenate(found) for azimuth, found in outlines.items() if found}
+        self.ends = {azimuth: np.cumsum([len(each) for each in found])[:-1] for azimuth, found in outlines.items()}
         self.seen: dict[tuple[View, int], tuple[np.ndarray, np.ndarray]] = {}
         for view, azimuth in terrain.photographs:
             if view.eye == "L":
@@ -116,11 +121,11 @@ class Shadows:
 
     def agreement(self, azimuth: int, lamp: np.ndarray, heights: Callable[[np.ndarray], np.ndarray]) -> float:
         """Mean intersection over union of the shadows of a lamp, over the positions."""
-        cast = [shadow_of(part, lamp, heights) for part in self.parts[azimuth]]
+        cast = shadow_of(self.points[azimuth], lamp, heights)
         found = []
         for (view, at), (rock, shadow) in self.seen.items():
             if at == azimuth:
-                hulls = [self.camera.eyes[view].project(each) * _SCALE for each in cast]
+                hulls = np.split(self.camera.eyes[view].project(cast) * _SCALE, self.ends[azimuth])
                 found.append(overlap(fill_hulls(_SHAPE, hulls) & ~rock, shadow))
         return float(np.mean(found))
 
@@ -147,8 +152,7 @@ def _disagreement(shadows: Shadows, azimuth: int, table: HeightTable, lamp: np.n
 def _raise_nodes(shadows: Shadows, sand: Sand, table: HeightTable, lamps: dict[int, np.ndarray]) -> Sand:
     """Raise or lower the sand at nodes where shadows end as long as that makes the shadows agree better."""
     raised = sand.raised.copy()
-    reached = {azimuth: np.concatenate([shadow_of(part, lamp, table)[:, :2] for part in shadows.parts[azimuth]])
-               for azimuth, lamp in lamps.items()}
+    reached = {azimuth: shadow_of(shadows.points[azimuth], lamp, table)[:, :2] for azimuth, lamp in lamps.items()}
     used = {k: [azimuth for azimuth, points in reached.items()
                 if (np.hypot(*(points - node).T) < _NODE_REACH_M).any()] for k, node in enumerate(sand.nodes)}
     now = {azimuth: shadows.agreement(azimuth, lamp, table) for azimuth, lamp in lamps.items()}

@@ -10,6 +10,7 @@ from icymoon.errors import IcyMoonError
 from icymoon.validation.comparison import Bench
 from icymoon.validation.polar.camera import Eye, calibrate, turned
 from icymoon.validation.polar.data_set import EYES, View, read_terrains
+from icymoon.validation.polar.hand import lay_on_sand, measure_hand
 from icymoon.validation.polar.lamp import HeightTable, Shadows, fit_lamps, shadow_of
 from icymoon.validation.polar.sand import fit_sand
 from icymoon.validation.polar.scene import find_frame
@@ -65,6 +66,21 @@ def test_the_sand_is_level_where_it_is(scene):
     # A pixel of the half-size masks is 4 mm at the rocks, and the sand is seen at 27 degrees.
     assert sand.planes[:, 0] == pytest.approx(SAND_M, abs=0.01)
     assert sand.heights(np.array([[0.0, 0.0], [-0.5, 0.5], [3.0, 3.0]])) == pytest.approx(SAND_M, abs=0.01)
+
+
+@pytest.mark.heavy
+def test_labels_without_error_agree_with_themselves(scene):
+    _, _, terrain, camera, sand = scene
+    hand = measure_hand(terrain, camera, sand)
+    assert np.isnan(hand.rocks["A"])  # there is one lamp
+    assert hand.shadows["A"] > 0.93  # a pixel around shadows 20 px wide, and rows of sand a few millimetres off
+
+
+def test_pixels_are_laid_on_the_sand():
+    eye = Eye(2000.0, np.array([968.0, 608.0]), -0.09, -0.03, turned(170.0, 25.0, 1.0), np.array([3.5, -0.3, 1.7]))
+    points = np.array([[0.5, -1.0, 0.0], [-1.0, 1.2, 0.0], [0.0, 0.0, 0.0]])
+    points[:, 2] = 0.1 + 0.05 * points[:, 0]
+    assert lay_on_sand(eye, eye.project(points), lambda xy: 0.1 + 0.05 * xy[:, 0]) == pytest.approx(points, abs=1e-6)
 
 
 @pytest.mark.heavy

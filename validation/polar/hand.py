@@ -1,0 +1,85 @@
+"""How well the labels agree with themselves, which bounds how well anything else can agree with them.
+
+Rocks do not move between the lamps, so outlines of one view are compared with each other. The shadows of a lamp were
+outlined in both eyes, so those of the left one are laid on the fitted sand and seen with the right one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...stereo.images.masks import fill_polygons, overlap
+from .camera import Calibration, Eye
+from .data_set import HEIGHT_PX, ROCK, SHADOW, WIDTH_PX, Terrain, View
+from .lamp import HeightTable
+from .sand import Sand
+
+#: Scale of the masks, and spacing in pixels of the points of an outline that is laid on the sand.
+_SCALE, _STEP_PX = 0.5, 8.0
+_SHAPE = (int(HEIGHT_PX * _SCALE), int(WIDTH_PX * _SCALE))
+
+
+@dataclass(frozen=True)
+class Hand:
+    """Intersections over union of labels with labels, by position; NaN where nothing can be compared.
+
+    ``rocks`` is of one lamp beside another, ``shadows`` of the left eye beside the right one.
+    """
+
+    rocks: dict[str, float]
+    shadows: dict[str, float]
+
+
+def measure_hand(terrain: Terrain, camera: Calibration, sand: Sand) -> Hand:
+    """How the labels of each position agree with themselves."""
+    table = HeightTable(sand)
+    return Hand({position: _mean(_rocks_again(terrain, position)) for position in terrain.positions},
+                {position: _mean([_shadow_again(terrain, camera, table, position, azimuth)
+                                  for azimuth in terrain.azimuths]) for position in terrain.positions})
+
+
+def _mean(found: list[float]) -> float:
+    known = [value for value in found if np.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")
+
+
+def _fill(outlines: list[np.ndarray]) -> np.ndarray:
+    return fill_polygons(_SHAPE, [each * _SCALE for each in outlines], finer=3)
+
+
+def _rocks_again(terrain: Terrain, position: str) -> list[float]:
+    found = []
+    for view in (view for view in terrain.views if view.position == position):
+        masks = [_fill(terrain.polygons(view, azimuth, ROCK)) for azimuth in terrain.azimuths]
+        found += [overlap(one, other) for k, one in enumerate(masks) for other in masks[k + 1:]]
+    return found
+
+
+def _shadow_again(terrain: Terrain, camera: Calibration, table: HeightTable, position: str, azimuth: int) -> float:
+    left, right = View(position, "L"), View(position, "R")
+    laid = [camera.eyes[right].project(lay_on_sand(camera.eyes[left], _with_more_points(each), table))
+            for each in terrain.polygons(left, azimuth, SHADOW)]
+    rock = _fill(terrain.polygons(right, azimuth, ROCK))
+    return overlap(_fill(laid) & ~rock, _fill(terrain.polygons(right, azimuth, SHADOW)) & ~rock)
+
+
+def _with_more_points(outline: np.ndarray) -> np.ndarray:
+    """The outline (n, 2) with points no more than a step apart."""
+    found = []
+    for here, there in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+        count = max(1, int(np.linalg.norm(there - here) / _STEP_PX))
+        found.append(here + (there - here) * np.arange(count)[:, None] / count)
+    return np.concatenate(found)
+
+
+def lay_on_sand(eye: Eye, pixels: np.ndarray, heights: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """Where the rays of pixels (n, 2), which look down, meet the sand (n, 3), by iteration."""
+    way = eye.rays(pixels) @ eye.turn
+    level = np.zeros(len(pixels))
+    for _ in range(12):
+        points = eye.place_m + way * ((level - eye.place_m[2]) / way[:, 2])[:, None]
+        level = heights(points[:, :2])
+    return np.asarray(points)
