@@ -118,6 +118,8 @@ IDLE = {"transmitted", "bubble_radius_m", "bubble_band_m", "fracture_spacing_m",
         "frost_albedo", "crust_patch_m", "crust_height_m",
         "crust_roughness", "albedo_patch_m", "subsurface_radius_m", "salt_patch_m", "salt_red",
         "salt_green", "salt_blue", "glint_size_m", "snow_grain_m", "dirt", "dirt_patch_m", "salt"}
+#: What only baked light uses.
+_BAKING = {"direct_samples", "bake_samples", "bake_noise"}
 #: What a state of the settings leaves of a topic: all keys but those named, or those named alone.
 CASES = [
     ("terrain", {}, "but", {"resolution"}), ("terrain", {"mesh": {"kind": "GRID"}}, "but", {"body_radius_m"}),
@@ -166,11 +168,13 @@ CASES = [
     ("rig", {}, "but", {"motion_exposure_s"}),
     ("workspace", {}, "only", {"cell_m"}), ("workspace", {"workspace": {"cell_m": 0.02}}, "but", set()),
     ("dataset", {}, "but", {"plan"}), ("dataset", {"dataset": {"plan": "mine.toml"}}, "but", set()),
-    ("quality", {}, "but", set()), ("quality", {"surface": {"model": "HAPKE"}}, "but", {"fine_relief"}),
-    ("quality", {"surface": {"model": "LAMBERT"}}, "but", set()),
-    ("quality", {"surface": {"model": "HAPKE"}, "rocks": {"own_surface": True}}, "but", set()),
+    ("quality", {}, "but", _BAKING), ("quality", {"surface": {"model": "HAPKE"}}, "but", {"fine_relief", *_BAKING}),
+    ("quality", {"surface": {"model": "LAMBERT"}}, "but", _BAKING),
+    ("quality", {"surface": {"model": "HAPKE"}, "rocks": {"own_surface": True}}, "but", _BAKING),
     ("quality", {"surface": {"model": "HAPKE"}, "rocks": {"own_surface": True}, "rock_surface": {"model": "HAPKE"}},
-     "but", {"fine_relief"}),
+     "but", {"fine_relief", *_BAKING}),
+    ("quality", {"quality": {"indirect": "BAKED"}}, "but", set()),
+    ("quality", {"quality": {"indirect": "AUTO"}}, "but", set()),
     ("textures", {}, "only", {"set"}),
     ("textures", {"textures": {"set": "FROST"}}, "only", {"set", "mapping", "width_m", "repeat", "height_m"}),
     ("textures", {"textures": {"set": "FROST", "mapping": "UV"}}, "only", {"set", "mapping", "height_m"}),
