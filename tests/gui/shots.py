@@ -162,14 +162,14 @@ def stand_ins() -> None:
 
 def make_narrow(px: int) -> Waiting:
     """Drag the left edge of the sidebar, so that it is narrower."""
-    x, y = region("UI").x, region("UI").y + region("UI").height / 2
+    x, y, before = region("UI").x, region("UI").y + region("UI").height / 2, region("UI").width
     yield from to(x, y)
     person.xdotool("mousedown", 1)
     for k in range(1, 11):
         person.point(x + px * k / 10, y)
         yield TICK_S
     person.xdotool("mouseup", 1)
-    yield 15 * TICK_S
+    yield from until(lambda: region("UI").width < before - px / 2, "Making the sidebar narrow")
 
 
 def rendering() -> Waiting:
