@@ -13,6 +13,7 @@ from . import (
     build,
     coloured_views,
     dataset,
+    decide,
     errors_in_view,
     evaluate,
     evaluator,
@@ -39,7 +40,7 @@ from . import (
 
 CLASSES: tuple[Any, ...] = (
     *presets.CLASSES, *settings.CLASSES, *build.CLASSES, *ground.CLASSES, *layers.CLASSES, *render.CLASSES,
-    *show_pair.CLASSES, *dataset.CLASSES, *evaluate.CLASSES, *expose.CLASSES, *results.CLASSES,
+    *show_pair.CLASSES, *dataset.CLASSES, *evaluate.CLASSES, *decide.CLASSES, *expose.CLASSES, *results.CLASSES,
     *errors_in_view.CLASSES, *evaluator.CLASSES, *assets.CLASSES, *trade.CLASSES, *add.CLASSES, *vary.CLASSES,
     *variation_pictures.CLASSES, *jobs.CLASSES, *manual.CLASSES)
 

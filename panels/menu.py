@@ -88,6 +88,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.evaluate", text="Evaluate Stereo Pair").scope = "SCENE"
         layout.operator("icymoon.evaluate", text="Evaluate Whole Data Set").scope = "DATASET"
         layout.operator("icymoon.evaluate_folder", text="Evaluate Other Pairs…")
+        layout.operator("icymoon.decide")
         layout.operator("icymoon.auto_quality", text="Find Cheapest Quality…")
         layout.operator("icymoon.trade", text="Compare Qualities…")
         layout.operator("icymoon.measure_machine")

@@ -165,6 +165,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
         draw_start(column, "icymoon.evaluate", "Evaluate Stereo Pair", "VIEWZOOM", scope="SCENE")
         draw_start(column, "icymoon.evaluate", "Evaluate Whole Data Set", "VIEWZOOM", scope="DATASET")
         draw_start(column, "icymoon.evaluate_folder", "Evaluate Other Pairs…", "FILE_FOLDER")
+        draw_start(column, "icymoon.decide", "Decide Where to Dig", "VIEWZOOM")
         column.operator("icymoon.open_report", icon="URL")
 
 

@@ -10,7 +10,7 @@ from icymoon.operators import CLASSES, jobs, render
 CHANGE_NOTHING = {"save_settings", "show_roughness", "trade", "measure_machine", "plan_dry_run",
                   "open_report", "check_evaluator", "install_evaluator",
                   "remove_evaluator", "cancel", "add_matcher", "remove_matcher", "save_plan", "open_manual", "wait",
-                  "make_asset_library", "remove_asset_library", "show_ends", "evaluate_folder"}
+                  "make_asset_library", "remove_asset_library", "show_ends", "evaluate_folder", "decide"}
 #: Operators that go on when what they change is changed, and take the step then.
 TAKE_THEIR_OWN = {"render_pair", "render_dataset", "watch_dataset", "evaluate", "expose", "show_error",
                   "show_last_pair", "show_pair", "render_variations", "show_curve"}

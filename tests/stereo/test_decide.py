@@ -8,6 +8,7 @@ import json
 import numpy as np
 import pairs
 import pytest
+import workspaces
 from icymoon.errors import IcyMoonError
 from icymoon.formats import geotiff
 from icymoon.stereo import decide as module
@@ -16,43 +17,21 @@ from icymoon.stereo.decide import TRUE_DEPTH, PoseError, decide_pairs
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.workspace import disturb
 from icymoon.stereo.matchers.methods import parse_methods
+from workspaces import CELL_M, DOWN
 
 pytestmark = pytest.mark.filterwarnings("error")
-
-#: A left eye that looks straight down from 2 m: OpenCV's y points south, its z down.
-DOWN = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2], [0, 0, 0, 1]])
-CELL_M = 0.04
-
-
-def write(folder, scene=None, exact=True):
-    """A pair of level ground with a rock of 0.5 m beside it, seen from above, with its true heights if ``exact``."""
-    rig = pairs.camera(256, 144)
-    pairs.write_pair(folder, scene or pairs.Scene(slope_x=0.0, slope_y=0.0), rig)
-    data = json.loads((folder / "pair.json").read_text())
-    right = DOWN.copy()
-    right[0, 3] = rig.baseline_m
-    data["poses_camera_to_world"] = {"left": DOWN.tolist(), "right": right.tolist()}
-    data["light"] = {"sun": {"direction_to_world": [0.0, 0.0, 1.0]}}
-    if exact:
-        ground = np.zeros((30, 30), np.float32)
-        east, north = np.meshgrid(*2 * [(np.arange(30) + 0.5) * CELL_M - 0.6])
-        top = np.where((np.abs(east) < 0.25) & (np.abs(north) < 0.25), 0.5, ground)
-        np.save(folder / "workspace.npy", np.stack([top, ground]).astype(np.float32))
-        data["workspace"] = {"file": "workspace.npy", "cell_m": CELL_M, "origin_m": [-0.6, 0.6], "shape": [30, 30]}
-    (folder / "pair.json").write_text(json.dumps(data))
-    return folder
 
 
 @pytest.fixture
 def dataset(tmp_path):
     for name in ("a", "b"):
-        write(tmp_path / "set" / "pairs" / name)
+        workspaces.write(tmp_path / "set" / "pairs" / name)
     return tmp_path / "set"
 
 
 def write_state(folder, state, lowered_m):
     """A state of an excavation that has lowered level ground by so much, in a region of 0.64 m²."""
-    write(folder, pairs.Scene(distance_m=2.0 + lowered_m, slope_x=0.0, slope_y=0.0, rock=False), exact=False)
+    workspaces.write(folder, pairs.Scene(distance_m=2.0 + lowered_m, slope_x=0.0, slope_y=0.0, rock=False), exact=False)
     data = json.loads((folder / "pair.json").read_text())
     heights = np.full((2, 30, 30), -lowered_m, np.float32)
     np.save(folder / "workspace.npy", heights)
@@ -122,7 +101,7 @@ def test_only_what_is_missing_is_made(dataset, tmp_path, monkeypatch):
 
 
 def test_without_true_heights_the_depth_of_both_eyes_is_the_truth(tmp_path):
-    write(tmp_path / "pair", exact=False)
+    workspaces.write(tmp_path / "pair", exact=False)
     report = run([tmp_path / "pair"], tmp_path / "out", cell_m=0.05)
     assert any("workspace.cell_m is 0" in note for note in report["notes"])
     assert report["summary"][0]["dem.rmse_m"] < 0.2

@@ -1,0 +1,50 @@
+"""Decide Where to Dig: what a lander would decide by each matcher, in the evaluator's Python."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import bpy
+
+from .. import scene_properties
+from ..preferences import find_evaluator_python
+from ..render.workers.job import python_command
+from ..render.workers.process import Message, Process, clean_environment
+from . import jobs, own_reports
+from .evaluate import matcher_arguments, response_arguments
+from .render import dataset_folder
+
+
+class ICYMOON_OT_decide(jobs.JobOperator, bpy.types.Operator):
+    """Find where a lander would dig and stand by each chosen matcher, compare it with the truth and open a report"""
+
+    bl_idname = "icymoon.decide"
+    bl_label = "Decide Where to Dig"
+
+    def start(self, context: bpy.types.Context) -> jobs.Job:
+        settings = scene_properties.read_settings(context.scene.icymoon)
+        dataset = dataset_folder(settings)
+        # For security, the page that is opened later is this one, not one that a message names.
+        self._page = dataset / "decisions" / "decisions.html"
+        command = python_command(find_evaluator_python(), "stereo", "decide", str(dataset),
+                                 *matcher_arguments(settings), *response_arguments(settings),
+                                 "--out", str(self._page.parent), "--json-lines")
+        return jobs.Job("Decide", Process(command, clean_environment()), self._keep, lambda: None)
+
+    def _keep(self, message: Message) -> None:
+        if message["type"] == "result":
+            own_reports.remember(self._page)
+            self._sentences = message["head"]
+
+    def report_success(self, context: bpy.types.Context) -> None:
+        for sentence in self._sentences:
+            self.report({"INFO"}, sentence)
+        if not bpy.app.background:
+            bpy.ops.wm.url_open(url=self._page.as_uri())
+
+    _page: Path
+    _sentences: Sequence[str]
+
+
+CLASSES = (ICYMOON_OT_decide,)

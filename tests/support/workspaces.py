@@ -1,0 +1,32 @@
+"""Pairs of a workspace: level ground with a rock, seen straight from above, with its true heights."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pairs
+
+#: A left eye that looks straight down from 2 m: OpenCV's y points south, its z down.
+DOWN = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2], [0, 0, 0, 1]])
+CELL_M = 0.04
+
+
+def write(folder: Path, scene: pairs.Scene | None = None, exact: bool = True) -> Path:
+    """A pair of level ground with a rock of 0.5 m beside it, seen from above, with its true heights if ``exact``."""
+    rig = pairs.camera(256, 144)
+    pairs.write_pair(folder, scene or pairs.Scene(slope_x=0.0, slope_y=0.0), rig)
+    data = json.loads((folder / "pair.json").read_text())
+    right = DOWN.copy()
+    right[0, 3] = rig.baseline_m
+    data["poses_camera_to_world"] = {"left": DOWN.tolist(), "right": right.tolist()}
+    data["light"] = {"sun": {"direction_to_world": [0.0, 0.0, 1.0]}}
+    if exact:
+        ground = np.zeros((30, 30), np.float32)
+        east, north = np.meshgrid(*2 * [(np.arange(30) + 0.5) * CELL_M - 0.6])
+        top = np.where((np.abs(east) < 0.25) & (np.abs(north) < 0.25), 0.5, ground)
+        np.save(folder / "workspace.npy", np.stack([top, ground]).astype(np.float32))
+        data["workspace"] = {"file": "workspace.npy", "cell_m": CELL_M, "origin_m": [-0.6, 0.6], "shape": [30, 30]}
+    (folder / "pair.json").write_text(json.dumps(data))
+    return folder
