@@ -244,6 +244,40 @@ class MantleSettings(Table):
     length_m: float  # m
 
 
+class ExcavationSettings(Table):
+    """A trench that a scoop digs, and the heap beside it."""
+
+    __slots__ = ()
+    path: Literal["NONE", "LINE", "ARC", "RECORDED"]
+    state: int  # states
+    states: int  # states
+    file: str
+    start_x_m: float  # m
+    start_y_m: float  # m
+    heading_deg: float  # deg
+    length_m: float  # m
+    width_m: float  # m
+    bite_m: float  # m
+    radius_m: float  # m
+    cohesion_pa: float  # Pa
+    friction_deg: float  # deg
+    density_kg_m3: float  # kg/m³
+    bulking: float
+    gravity_m_s2: float  # m/s²
+    chips_m: float  # m
+    heaped_share: float
+    heap_side: Literal["LEFT", "RIGHT"]
+    heap_gap_m: float  # m
+    cell_m: float  # m
+    fresh_albedo: float
+    layer_thickness_m: float  # m
+    layer_depth_m: float  # m
+    layer_spacing_m: float  # m
+    layer_albedo: float
+    jitter_m: float  # m
+    jitter_deg: float  # deg
+
+
 class SurfaceSettings(Table):
     """Snow or ice that the ground is made of."""
 
@@ -611,6 +645,7 @@ class Settings(Table):
     pits: PitsSettings
     hills: HillsSettings
     mantle: MantleSettings
+    excavation: ExcavationSettings
     surface: SurfaceSettings
     hapke: HapkeSettings
     textures: TexturesSettings
@@ -639,6 +674,7 @@ TABLES: dict[str, type[Table]] = {
     "pits": PitsSettings,
     "hills": HillsSettings,
     "mantle": MantleSettings,
+    "excavation": ExcavationSettings,
     "surface": SurfaceSettings,
     "hapke": HapkeSettings,
     "textures": TexturesSettings,

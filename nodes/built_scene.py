@@ -39,6 +39,7 @@ PREVIOUS_OSL = "icymoon_previous_osl"
 SITE = "icymoon_site_m"  # height of the ground under the camera
 CONTENT = "icymoon_content"  # hash of the user's own files
 STATISTICS = "icymoon_statistics"  # of the ground: asked by the settings, and measured on the built ground
+EXCAVATION = "icymoon_excavation"  # what was dug, see ``physics.excavation.dig``
 PREVIEW = "icymoon_preview"  # settings that are shown as a preview, not as Build Scene would show them
 REFINED = "icymoon_refined"  # geometry of the settings that will follow a coarse ground at full resolution
 NOTES = "icymoon_notes"  # why some settings are not shown
@@ -69,6 +70,11 @@ class Built:
         """What was asked of ground built from ``terrain`` settings and what was made, at ``baseline_m``; empty for
         other ground."""
         return dict(json.loads(self.collection.get(STATISTICS, "{}")))
+
+    @property
+    def excavation(self) -> dict[str, Any]:
+        """Volumes and masses of an excavation in its state; empty without one."""
+        return dict(json.loads(self.collection.get(EXCAVATION, "{}")))
 
     @property
     def site_m(self) -> float:

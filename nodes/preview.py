@@ -18,6 +18,7 @@ import numpy as np
 from ..errors import IcyMoonError
 from ..physics import refused_scenes
 from ..physics.arm.parametric import JOINTS
+from ..physics.excavation.jitter import jittered_rig
 from ..physics.mesh import fine_relief
 from ..physics.mesh.grading import OF_THE_RIG
 from ..physics.mesh.height_map import HeightMap
@@ -128,7 +129,7 @@ def show_settings(built: scenes.Built, settings: Settings, side: int) -> bool:
             messages += _show_lights(built, settings)
     if merged(built.settings, built.preview) != before:
         _show_sunlight(built)
-    if settings.rig != before.rig or ground is not None:
+    if jittered_rig(settings) != jittered_rig(before) or settings.rig != before.rig or ground is not None:
         if built.edited_parts("camera"):
             messages.append(_EDITED.format("camera"))
         else:
@@ -340,7 +341,8 @@ def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -
         site_m = site_m if math.isnan(under) else under
         preview["rig"] = {"x_m": rig.x_m, "y_m": rig.y_m}
         settings = merged(settings, {"rig": {"x_m": built_rig.x_m, "y_m": built_rig.y_m}})
-    place_rig(built.camera, rig, site_m)
+    place_rig(built.camera, jittered_rig(merged(settings, {"rig": rig})), site_m)
     if moved and not preview:
         built.collection[scenes.SITE] = site_m
-    built.remember(merged(built.settings, {"rig": settings.rig}), preview, "camera")
+    shown = {key: settings.excavation[key] for key in ("jitter_m", "jitter_deg")}
+    built.remember(merged(built.settings, {"rig": settings.rig, "excavation": shown}), preview, "camera")

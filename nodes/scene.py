@@ -19,6 +19,8 @@ from ..labels import TERRAIN_INSTANCE
 from ..physics import refused_scenes
 from ..physics.camera import blur
 from ..physics.camera.stereo_geometry import rounding_advice
+from ..physics.excavation.jitter import jittered_rig
+from ..physics.excavation.supports import keep_supported
 from ..physics.mesh.fine_relief import displacement_advice, nearest_m
 from ..physics.mesh.graded_ground import Graded
 from ..physics.mesh.height_surface import Surface
@@ -34,6 +36,7 @@ from ..typed_settings import Settings
 from . import engine, eyes_above_ground
 from .built_scene import (
     CONTENT,
+    EXCAVATION,
     FINGERPRINT,
     GROUND,
     NOTES,
@@ -56,12 +59,12 @@ from .built_scene import (
 )
 from .datablocks.blend_file_paths import content, with_absolute_files
 from .datablocks.fingerprint import NAME, TAG, built_objects, instanced_objects, parts
+from .ground.dug_ground import DugGround, mesh_whole_ground
 from .ground.heights_under import probe_heights
 from .ground.rocks import build_rocks
 from .ground.terrain_mesh import (
     MeshedGround,
     grid_heights,
-    mesh_ground,
     patch_heights,
     patch_statistics,
     site_wavelength_m,
@@ -150,13 +153,18 @@ def _site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[
     return height, []
 
 
-def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float) -> tuple[bpy.types.Object, list[str]]:
-    """The object whose points are the rocks on the ground, and warnings."""
+def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float,
+                 dug: DugGround | None) -> tuple[bpy.types.Object, list[str]]:
+    """The object whose points are the rocks on the ground, ``dug`` or not, and warnings."""
     seed, wanted, rig = int(settings.dataset.seed), with_absolute_files(settings).rocks, settings.rig
     shapes = make_rock_shapes(wanted.family, wanted.angularity, seed)
     with probe_heights(terrain) as height_at:
         view = view_beyond(settings)
-        rocks = scatter(wanted, size_m, seed, height_at, shapes, (rig.x_m, rig.y_m, wanted.clear_radius_m), view)
+        clear = rig.x_m, rig.y_m, wanted.clear_radius_m
+        rocks = scatter(wanted, size_m, seed, height_at, shapes, clear, view)
+        if dug is not None:
+            before = scatter(wanted, size_m, seed, dug.before(height_at), shapes, clear, view)
+            rocks = keep_supported(before, rocks, dug.change_m)
     ice = build_rock_material(settings, terrain.data)
     item = _tag(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # it has no users if there are no rocks
@@ -185,11 +193,11 @@ def _nearest_spacing_m(settings: Settings, ground: Surface, mesh: bpy.types.Mesh
 
 
 def _build_objects(settings: Settings, meshed: MeshedGround | None) -> tuple[
-        list[bpy.types.Object], bpy.types.World, list[str], UserGround | None, float]:
+        list[bpy.types.Object], bpy.types.World, list[str], UserGround | None, float, dict[str, Any]]:
     """Make all objects of the scene (terrain, Sun, camera, then others) and its world.
 
     ``meshed`` is the procedural ground, if it has been made already. Also returns warnings, the user's own ground or
-    None, and the height in metres of the ground under the camera.
+    None, the height in metres of the ground under the camera, and what was dug.
     """
     # Errors come first, before anything is made.
     if reasons := refused_scenes.reasons_of_settings(settings):
@@ -198,7 +206,8 @@ def _build_objects(settings: Settings, meshed: MeshedGround | None) -> tuple[
     sky = described_sky(settings)
     own = load_ground(settings, ground_of) if is_from_file(settings) else None
     ground_and_rock_materials.refuse_without_uv(settings, own is not None and own.uv is not None)
-    made = own or meshed or mesh_ground(ground_of(settings), settings)
+    made = own or meshed or mesh_whole_ground(ground_of, settings)
+    dug = made if isinstance(made, DugGround) else None
     ground: Surface = made.surface
     site_m, warnings = _site(settings, ground, own)
     warnings += [*hapke_warnings, *rounding_advice(settings.rig, site_m), *refused_scenes.scene_advice(settings)]
@@ -220,19 +229,20 @@ def _build_objects(settings: Settings, meshed: MeshedGround | None) -> tuple[
         raise
     terrain = _tag(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
-    camera = _tag(build_rig(f"{NAME} Camera", settings.rig, site_m), "camera")
+    camera = _tag(build_rig(f"{NAME} Camera", jittered_rig(settings), site_m), "camera")
     lights = build_lights(settings, sky, camera)
     warnings += light_advice(sky, settings)
     warnings += blur.blur_advice(settings)
     objects = [terrain, lights[0], camera, *lights[1:]]
     if settings.rocks.coverage > 0:
-        rocks, rock_warnings = _build_rocks(settings, terrain, ground.size_m)
+        rocks, rock_warnings = _build_rocks(settings, terrain, ground.size_m, dug)
         objects.append(rocks)
         warnings += rock_warnings
     if settings.lander.kind != "NONE":
         objects += build_lander(settings, site_m, terrain)
         warnings += find_contact(settings, site_m, terrain).advice()
-    return objects, _tag(build_sky(f"{NAME} Sky"), "sky"), warnings, own, site_m
+    facts = dug.series.facts(dug.state) if dug is not None and dug.series is not None else {}
+    return objects, _tag(build_sky(f"{NAME} Sky"), "sky"), warnings, own, site_m, facts
 
 
 def _adopt_children(removed: list[bpy.types.Object], terrain: bpy.types.Object) -> None:
@@ -390,7 +400,7 @@ def build(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | Non
     ours = [item for role, item in there.items() if role in OBJECTS]
     _refuse_editing(ours)
     try:
-        objects, sky, warnings, own, site_m = _build_objects(settings, meshed)
+        objects, sky, warnings, own, site_m, dug = _build_objects(settings, meshed)
     except MemoryError:
         if is_mesh(settings):
             raise IcyMoonError("There is not enough memory for the mesh; make it coarser before the import.") from None
@@ -426,6 +436,7 @@ def build(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | Non
     collection[GROUND] = json.dumps({"report": own.report, "site_m": site_m} if own else {})
     collection[SITE] = site_m
     collection[CONTENT] = content(settings)
+    collection[EXCAVATION] = json.dumps(dug)
     built = Built(collection, objects[0], objects[1], objects[2], merged(settings), scene, tuple(warnings))
     built.warnings += tuple(eyes_above_ground.reasons_when_built(built))
     collection[STATISTICS] = json.dumps(patch_statistics(measured_patch(built), settings.terrain))

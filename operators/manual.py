@@ -27,7 +27,8 @@ WINDOW_PAGE = "tutorial/window"
 _PAGES = {"terrain": "theory/terrain", "hills": "theory/terrain", "mesh": "theory/mesh",
           "source": "howto/own-ground", "surface": "theory/surfaces", "textures": "howto/own-textures",
           "rock_surface": "theory/surfaces",
-          "hapke": "theory/surfaces", "rocks": "theory/terrain", "light": "theory/light", "rig": "camera",
+          "excavation": "theory/excavation", "hapke": "theory/surfaces",
+          "rocks": "theory/terrain", "light": "theory/light", "rig": "camera",
           "lander": "howto/lander", "arm": "howto/lander", "workspace": "theory/decisions",
           "sensor": "theory/sensor", "quality": "howto/speed", "dataset": "datasets"}
 #: The folders of the pages as the top of a page lists them.

@@ -16,7 +16,8 @@ from .. import scene_properties
 from ..errors import IcyMoonError, describe_error
 from ..nodes import preview
 from ..nodes import scene as scenes
-from ..nodes.ground.terrain_mesh import MeshedGround, mesh_ground
+from ..nodes.ground.dug_ground import mesh_whole_ground
+from ..nodes.ground.terrain_mesh import MeshedGround
 from ..settings import changes
 from ..typed_settings import Settings
 from . import first_picture, jobs, view_resolution
@@ -40,7 +41,7 @@ class _Meshing(threading.Thread):
 
     def run(self) -> None:
         try:
-            self.found = mesh_ground(scenes.ground_of(self.settings), self.settings)
+            self.found = mesh_whole_ground(scenes.ground_of, self.settings)
         except Exception as error:
             self.error = describe_error(error, "the ground")
 

@@ -49,6 +49,10 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
         return uses_landforms(root)
     if topic in ("lander", "arm"):
         return bool((topic, key) == ("lander", "kind") or root.lander.kind != "NONE")
+    if topic == "excavation":
+        only = {"file": ("RECORDED",), "radius_m": ("ARC",),
+                **dict.fromkeys(("start_x_m", "start_y_m", "heading_deg", "length_m", "bite_m"), ("LINE", "ARC"))}
+        return bool(key == "path" or (group.path != "NONE" and group.path in only.get(key, (group.path,))))
     if topic == "mesh":
         return bool(key == "kind" or group.kind == "GRADED")
     if topic == "hills" or (topic, key) == ("rocks", "beyond_px"):
@@ -117,6 +121,8 @@ def has_effect(topic: str, key: str, root: Any) -> bool:
         # The first setting of a landform, its height, slope, depth or coverage, turns it on.
         first = TOPICS[topic].settings[0].key
         return key == first or getattr(group, first) > 0
+    if topic == "excavation" and key in ("layer_depth_m", "layer_spacing_m", "layer_albedo"):
+        return bool(group.layer_thickness_m > 0)
     if topic == "rocks" and key != "coverage":
         return bool(group.coverage > 0
                     and (key not in ("cluster_blocks", "cluster_radius_m") or group.clustering > 0))

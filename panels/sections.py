@@ -25,8 +25,8 @@ class Section:
 
 ADVANCED = "advanced"
 #: Topics whose panel is inside the panel of another topic.
-INSIDE = {"source": "terrain", "hills": "terrain", "mesh": "terrain", "hapke": "surface", "textures": "surface",
-          "rock_surface": "rocks", "arm": "lander", "workspace": "lander"}
+INSIDE = {"source": "terrain", "excavation": "terrain", "hills": "terrain", "mesh": "terrain", "hapke": "surface",
+          "textures": "surface", "rock_surface": "rocks", "arm": "lander", "workspace": "lander"}
 
 
 def _advanced(topic: str, *settings: str) -> Section:
@@ -57,6 +57,13 @@ SECTIONS = (
     _advanced("terrain", "resolution", "slope_baseline_m", "hurst", "multifractality", "outer_scale_m", "inner_scale_m",
               "lacunarity", "variant", "regional_slope_azimuth_deg", "body_radius_m"),
     _advanced("hills", "slope_baseline_m", "hurst", "smallest_m"),
+    Section("excavation", "walls", "Ground and Walls", "Strength of the ground and what becomes of the walls", (
+        "cohesion_pa", "friction_deg", "density_kg_m3", "gravity_m_s2", "chips_m")),
+    Section("excavation", "heap", "Heap", "Where what is dug goes", (
+        "bulking", "heaped_share", "heap_side", "heap_gap_m")),
+    Section("excavation", "layers", "Fresh Ground and Layers", "Albedo of ground that is dug open, and of its layers", (
+        "fresh_albedo", "layer_thickness_m", "layer_depth_m", "layer_spacing_m", "layer_albedo")),
+    _advanced("excavation", "cell_m", "jitter_m", "jitter_deg"),
     *_of_surface("surface"),
     *_of_surface("rock_surface"),
     _advanced("hapke", "b_s0", "h_s", "b_c0", "h_c", "theta_bar_range_deg", "filling_factor", "h_function", "accuracy",

@@ -20,6 +20,7 @@ from .arm.collisions import find_link_around
 from .arm.kinematics import beyond_limits
 from .arm.parametric import JOINTS, arm_of, real_rad
 from .camera.stereo_geometry import coarse_advice, ground_row
+from .excavation import site as excavation
 from .light.directions import camera_axes
 from .light.sky import check_body, sky
 from .rocks.size_laws import size_law
@@ -75,7 +76,8 @@ def refuse(settings: Settings) -> None:
 def reasons_of_settings(settings: Settings) -> list[Reason]:
     """The reasons that are found without making the ground."""
     return [*_ice_reasons(settings), *_rock_reasons(settings), *_sky_reasons(settings), *_lamp_reasons(settings),
-            *lander_reasons(settings)]
+            *lander_reasons(settings),
+            *(Reason(text, "excavation.path") for text in excavation.find_reasons(settings))]
 
 
 def scene_advice(settings: Settings) -> list[str]:
@@ -87,7 +89,7 @@ def scene_advice(settings: Settings) -> list[str]:
                     f"rig.pitch_deg ({rig.pitch_deg:g}°).")
     if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRID":
         said += coarse_advice(rig, patch.size_m / (patch.resolution - 1))
-    return said
+    return said + excavation.advice(settings)
 
 
 def returned_share(parameters: HapkeParameters) -> tuple[float, float]:

@@ -182,6 +182,39 @@ class MantleOverrides(TypedDict, total=False):
     length_m: float  # m
 
 
+class ExcavationOverrides(TypedDict, total=False):
+    """Changes of ``excavation``."""
+
+    path: Literal["NONE", "LINE", "ARC", "RECORDED"]
+    state: int  # states
+    states: int  # states
+    file: str
+    start_x_m: float  # m
+    start_y_m: float  # m
+    heading_deg: float  # deg
+    length_m: float  # m
+    width_m: float  # m
+    bite_m: float  # m
+    radius_m: float  # m
+    cohesion_pa: float  # Pa
+    friction_deg: float  # deg
+    density_kg_m3: float  # kg/m³
+    bulking: float
+    gravity_m_s2: float  # m/s²
+    chips_m: float  # m
+    heaped_share: float
+    heap_side: Literal["LEFT", "RIGHT"]
+    heap_gap_m: float  # m
+    cell_m: float  # m
+    fresh_albedo: float
+    layer_thickness_m: float  # m
+    layer_depth_m: float  # m
+    layer_spacing_m: float  # m
+    layer_albedo: float
+    jitter_m: float  # m
+    jitter_deg: float  # deg
+
+
 class SurfaceOverrides(TypedDict, total=False):
     """Changes of ``surface``."""
 
@@ -579,6 +612,7 @@ class Overrides(TypedDict, total=False):
     pits: PitsOverrides
     hills: HillsOverrides
     mantle: MantleOverrides
+    excavation: ExcavationOverrides
     surface: SurfaceOverrides
     hapke: HapkeOverrides
     textures: TexturesOverrides

@@ -382,6 +382,67 @@ SOURCE = Topic("source", "Ground from a File", "Source of the ground: generated,
             "Remove broken faces, merge duplicate vertices and turn the upper side of a mesh up", "geometry"),
 ))
 
+EXCAVATION = Topic("excavation", "Excavation", "A trench that a scoop digs, and the heap beside it", (
+    Setting("path", "Scoop's Path", "NONE", "Path of the scoop's blade", "geometry",
+            choices=(("NONE", "None", "The ground is not dug"),
+                     ("LINE", "Line", "Straight and parallel to the ground, with upright ends, one bite deeper in each "
+                      "state"),
+                     ("ARC", "Arc", "The blade swings into the ground, goes along the line and swings out again"),
+                     ("RECORDED", "Recorded", "Places of the blade from a CSV file"))),
+    Setting("state", "State", 2, "State of the excavation: 0 is untouched ground. A sweep of it makes a series",
+            "geometry", "states", 0, 99, (0, 7)),
+    Setting("states", "States", 3, "Number of states of the excavation, the untouched ground included. All of them "
+            "have the same fine mesh", "geometry", "states", 1, 100, (1, 12)),
+    Setting("file", "Recorded Path", "", "CSV file whose first line names the columns state (from 1), x_m, y_m (east "
+            "and north of the origin) and depth_m (of the blade's edge below the plane of the untouched ground). // is "
+            "the folder of the .blend file", "geometry", subtype="FILE_PATH", trust="read"),
+    _metres("start_x_m", "Start East", 0.0, -1.0e4, 1.0e4, (-3.0, 3.0), "Where the blade starts, east of the origin",
+            "geometry"),
+    _metres("start_y_m", "Start North", 2.0, -1.0e4, 1.0e4, (0.0, 4.0), "Where the blade starts, north of the origin",
+            "geometry"),
+    _degrees("heading_deg", "Heading", 180.0, -360.0, 360.0, "Direction of the pull, from north (+Y) over east (+X)",
+             "geometry"),
+    _metres("length_m", "Length", 0.3, 0.0, 10.0, (0.0, 1.0), "Length of the pull at its full depth", "geometry"),
+    _metres("width_m", "Blade Width", 0.08, 1.0e-3, 2.0, (0.02, 0.2), "Width of the blade", "geometry"),
+    _metres("bite_m", "Bite", 0.05, 0.0, 1.0, (0.0, 0.15), "How much deeper the blade goes in each state; 0 digs "
+            "nothing, as a series without change needs", "geometry"),
+    _metres("radius_m", "Arc Radius", 0.25, 0.01, 10.0, (0.05, 1.0), "Radius on which the blade swings", "geometry"),
+    Setting("cohesion_pa", "Cohesion (Pa)", 100.0, "Cohesion of the ground. Walls lower than a critical height, by "
+            "cohesion, friction, density and gravity, stand upright; others slide to the angle of friction", "geometry",
+            "Pa", 0.0, 1.0e8, (0.0, 1000.0), precision=1),
+    _degrees("friction_deg", "Friction", 38.0, 5.0, 60.0, "Angle of internal friction, and of repose of what is loose",
+             "geometry", (25.0, 45.0)),
+    Setting("density_kg_m3", "Density (kg/m³)", 500.0, "Density of the ground", "geometry", "kg/m³", 10.0, 2000.0,
+            (100.0, 917.0), precision=0),
+    Setting("bulking", "Bulking", 1.4, "Volume of spoil over the volume that it had in the ground: the ratio of both "
+            "densities", "geometry", "1", 1.0, 3.0, (1.0, 2.0)),
+    Setting("gravity_m_s2", "Gravity (m/s²)", 0.0, "Gravity, which decides whether walls stand; 0 for that of the moon",
+            "geometry", "m/s²", 0.0, 100.0, (0.0, 2.0)),
+    _metres("chips_m", "Chipped Rims", 0.005, 0.0, 0.1, (0.0, 0.02), "Largest chip that breaks off the rims of walls "
+            "that stand", "geometry"),
+    _fraction("heaped_share", "Heaped Share", 1.0, "Share of what is dug that is heaped beside the trench. The scoop "
+              "keeps the rest", "geometry"),
+    Setting("heap_side", "Heap", "RIGHT", "Side of the heap, seen along the pull", "geometry",
+            choices=(("LEFT", "Left", "Left of the trench"), ("RIGHT", "Right", "Right of the trench"))),
+    _metres("heap_gap_m", "Gap", 0.05, 0.0, 10.0, (0.0, 0.3), "Distance from the trench to the foot of the heap in the "
+            "last state", "geometry"),
+    _metres("cell_m", "Cell", 0.0025, 2.0e-4, 0.1, (0.001, 0.01), "Distance of the vertices of trench and heap",
+            "geometry"),
+    _fraction("fresh_albedo", "Fresh Albedo", 1.0, "Albedo of ground that was dug open, and of spoil, relative to the "
+              "surface", "material"),
+    _metres("layer_thickness_m", "Layer Thickness", 0.0, 0.0, 10.0, (0.0, 0.05), "Thickness of layers of another "
+            "albedo in the ground, parallel to its surface; 0 for none", "material"),
+    _metres("layer_depth_m", "Layer Depth", 0.03, 0.0, 10.0, (0.0, 0.3), "Depth of the top of the first layer below "
+            "the untouched surface", "material"),
+    _metres("layer_spacing_m", "Layer Spacing", 0.0, 0.0, 10.0, (0.0, 0.2), "Distance from the top of a layer to that "
+            "of the next; 0 for a single layer", "material"),
+    _fraction("layer_albedo", "Layer Albedo", 0.6, "Albedo of the layers relative to the surface", "material"),
+    _metres("jitter_m", "Camera Jitter", 0.0, 0.0, 1.0, (0.0, 0.01), "Standard deviation of the camera's position, on "
+            "each axis, from state to state", "camera"),
+    _degrees("jitter_deg", "Camera Turn", 0.0, 0.0, 10.0, "Standard deviation of the camera's heading and of its "
+             "pitch, from state to state", "camera", (0.0, 0.5), precision=3),
+))
+
 SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
     Setting("model", "Model", "PRINCIPLED", "Reflectance law of the surface", "material",
             choices=(("PRINCIPLED", "Snow (Principled)", "Like snow and ice on Earth, with gloss and light below the "
@@ -1052,8 +1113,8 @@ DATASET = Topic("dataset", "Data Set", "Folder and plan of a data set", (
 ))
 
 TOPICS: dict[str, Topic] = {t.key: t for t in (
-    SOURCE, TERRAIN, MESH, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, PITS, HILLS, MANTLE, SURFACE, HAPKE,
-    TEXTURES, ROCKS, ROCK_SURFACE, LIGHT, RIG, LANDER, ARM, WORKSPACE, SENSOR, QUALITY, DATASET)}
+    SOURCE, TERRAIN, MESH, RIDGES, CRACKS, CHAOS, CRATERS, HOLLOWS, PENITENTES, PITS, HILLS, MANTLE, EXCAVATION,
+    SURFACE, HAPKE, TEXTURES, ROCKS, ROCK_SURFACE, LIGHT, RIG, LANDER, ARM, WORKSPACE, SENSOR, QUALITY, DATASET)}
 
 
 def _topic_of(landform: PluginLandform) -> Topic:

@@ -31,6 +31,8 @@ def used_files(settings: Settings, blend_folder: str | None = None) -> dict[str,
                   if s.subtype == "FILE_PATH" and settings.textures[s.key]}
     if settings.rocks.law == "TABLE" and settings.rocks.coverage > 0:
         named["rocks.file"] = str(settings.rocks.file)
+    if settings.excavation.path == "RECORDED":
+        named["excavation.file"] = str(settings.excavation.file)
     if settings.light.directions_from == "KERNELS":
         named["light.kernels"] = str(settings.light.kernels)
     return {name: absolute_path(text, name, blend_folder) for name, text in named.items()}

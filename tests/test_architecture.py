@@ -26,7 +26,7 @@ PURE = (
     "errors", "suggestions", "labels", "system", "files", "cache", "records", "scratch", "version", "bundled_wheels",
     "terminal", "typed_settings", "plugins",
     "physics/rig", "physics/random_numbers", "physics/rocks", "physics/terrain/noise", "physics/terrain/roughness",
-    "physics/terrain/landforms", "physics/terrain", "physics/mesh",
+    "physics/terrain/landforms", "physics/terrain", "physics/mesh", "physics/excavation",
     "physics/surfaces", "physics/light", "physics/camera", "physics/arm", "physics",
     "formats", "paper_stand_ins", "settings",
     "render/pairs", "render/plans", "render/workers", "render/cost",

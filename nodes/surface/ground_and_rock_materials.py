@@ -18,6 +18,7 @@ from ...physics.surfaces.textures import uses_uv
 from ...typed_settings import Settings
 from ..datablocks.blend_file_paths import used_files
 from ..datablocks.fingerprint import NAME, TAG
+from ..ground.dug_ground import DEPTH
 from ..ground.rocks import label_instances
 from ..ground.terrain_mesh import SPACING
 from ..ground.user_ground import file_of, is_mesh
@@ -107,9 +108,9 @@ def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | 
 
 def _build_named_material(name: str, settings: Settings, topic: str, semantic: int,
                           textured: Textured | None, by_fineness: bool = False,
-                          albedo_pass: bool = False) -> bpy.types.Material:
+                          albedo_pass: bool = False, dug: bool = False) -> bpy.types.Material:
     material = build_material(f"{NAME} {name}", rendered_surface(settings, topic), int(settings.dataset.seed), semantic,
-                              textured, settings, by_fineness, albedo_pass)
+                              textured, settings, by_fineness, albedo_pass, dug)
     material[TAG] = "material"
     return material
 
@@ -118,7 +119,7 @@ def build_ground_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass:
     """The material of the ground with this mesh, see ``build_material``. Raises IcyMoonError if a texture is not
     available."""
     return _build_named_material("Surface", settings, "surface", TERRAIN, _load_textures(settings, mesh),
-                                 SPACING in mesh.attributes, albedo_pass)
+                                 SPACING in mesh.attributes, albedo_pass, DEPTH in mesh.attributes)
 
 
 def build_rock_material(settings: Settings, mesh: bpy.types.Mesh, albedo_pass: bool = False) -> bpy.types.Material:

@@ -21,7 +21,7 @@ from ...settings.table import TOPICS
 from ...typed_settings import HapkeSettings, Settings, SurfaceSettings
 from ..tree.builder import Tree
 from ..tree.formula import Number
-from . import ice_layers, reflectance_laws
+from . import dug_layers, ice_layers, reflectance_laws
 from .fractures import VEIL_ALBEDO, add_fracture_share
 from .glints import add_glints
 from .ground_colour import add_ground_colour
@@ -210,8 +210,11 @@ def _add_slopes(tree: Tree, hapke: HapkeSettings, image: Any, mean: float) -> re
 
 
 def _add_law(material: bpy.types.Material, surface: SurfaceSettings, settings: Settings | None,
-             ground: reflectance_laws.Ground, smooth: bool) -> dict[str, Any]:
-    """Shader sockets of a law other than Principled, by the renderer that they are for."""
+             ground: reflectance_laws.Ground, smooth: bool, least: float) -> dict[str, Any]:
+    """Shader sockets of a law other than Principled, by the renderer that they are for.
+
+    ``least`` is the least factor on the albedo.
+    """
     if surface.model == "LAMBERT":
         return {"ALL": reflectance_laws.add_lambert(ground, surface.albedo, smooth)}
     if settings is None:
@@ -224,7 +227,7 @@ def _add_law(material: bpy.types.Material, surface: SurfaceSettings, settings: S
     if snow and settings.hapke.backend != "OSL":
         return {"ALL": reflectance_laws.add_snow(ground, surface.albedo, sun)}
     use_osl, level, _ = reflectance_laws.choose_backend(settings.hapke, settings.quality.device)
-    grains = reflectance_laws.Grains(from_settings(settings.hapke), darkest(surface))
+    grains = reflectance_laws.Grains(from_settings(settings.hapke), least)
     # The emission of a surface that traces the Sun is not a light source, and the law handles grazing bumps itself.
     material.cycles.emission_sampling = "NONE"
     material.cycles.use_bump_map_correction = False
@@ -251,14 +254,14 @@ def _add_baked_pass(tree: Tree, reflectance: Any) -> None:
 
 def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int,
                    textured: Textured | None = None, settings: Settings | None = None,
-                   by_fineness: bool = False, albedo_pass: bool = False) -> bpy.types.Material:
+                   by_fineness: bool = False, albedo_pass: bool = False, dug: bool = False) -> bpy.types.Material:
     """A material from ``surface`` settings whose reflectance in a white furnace is its albedo.
 
     ``settings`` are those of the whole scene, which laws that depend on the Sun need. ``semantic`` is the label in the
     material-index pass. Fine relief is bump, so that the true depth is that of the mesh, or it displaces the vertices.
     REAL is both, if the mesh has the attribute ``SPACING``, which ``by_fineness`` states, and otherwise bump.
     The geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump. With
-    ``albedo_pass`` the albedo goes to ``ALBEDO_AOV``.
+    ``albedo_pass`` the albedo goes to ``ALBEDO_AOV``. ``dug`` is whether the mesh has the attributes of an excavation.
     """
     material = bpy.data.materials.new(name)
     material.pass_index = semantic
@@ -278,6 +281,11 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
             surface = surface | {kind: of.mean[of.channel]}
             varied[kind] = pieces.separated(kind.title(), pieces.sample(kind, of))[of.channel]
     grey = add_brightness(tree, surface, geometry, patches_at, elevated=semantic == TERRAIN)
+    least = darkest(surface)
+    if dug and settings is not None and dug_layers.is_shown(settings.excavation):
+        opened = dug_layers.add_dug_brightness(tree, settings.excavation)
+        grey = tree.math("MULTIPLY", "Brightness of Dug Ground", opened, grey)
+        least *= dug_layers.darkest(settings.excavation)
     if semantic == ROCK and surface.face_variation > 0.0:
         kept, rougher = add_faces(tree, surface)
         grey = tree.math("MULTIPLY", "Brightness of Faces", grey, kept)
@@ -333,7 +341,7 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
         slopes = (_add_slopes(tree, settings.hapke, varied["roughness"], surface.roughness)
                   if settings is not None and "roughness" in varied else None)
         ground = reflectance_laws.Ground(tree, relief.get("Normal"), grey, colour, slopes)
-        shaders = _add_law(material, surface, settings, ground, smooth)
+        shaders = _add_law(material, surface, settings, ground, smooth, least)
     for target, shader in shaders.items():
         tree.node("ShaderNodeOutputMaterial", "Surface in EEVEE" if target == "EEVEE" else "Surface",
                   {"Surface": shader, **displacement, **({"Volume": volume} if volume is not None else {})},
@@ -346,7 +354,7 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
                                        1.0 if surface.model == "HAPKE" else grey, colour)
         frosted = (ice_layers.add_frost_share(tree, surface, geometry, frost_at)
                    if surface.model == "PRINCIPLED" and surface.frost_share > 0.0 else None)
-        add_albedo_pass(tree, surface, settings, grey, reflectance, frosted)
+        add_albedo_pass(tree, surface, settings, grey, reflectance, least, frosted)
     if settings is not None and semantic == TERRAIN and can_be_baked(settings):
         _add_baked_pass(tree, _add_reflectance(tree, surface, grey, colour))
     tree.arrange()

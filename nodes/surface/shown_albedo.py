@@ -12,22 +12,22 @@ from ...physics.surfaces import photometry
 from ...physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from ...typed_settings import Settings, SurfaceSettings
 from ..tree.builder import Tree, output
-from .patches_and_grain import darkest
 
 #: Factors on w at which the albedo of Hapke's law is computed; between them it is linear, within 0.002.
 _STEPS = 17
 
 
 def add_albedo_pass(tree: Tree, surface: SurfaceSettings, settings: Settings | None, grey: Any, reflectance: Any,
-                    frosted: Any = None) -> None:
+                    least: float, frosted: Any = None) -> None:
     """Add the pass ``ALBEDO_AOV``: the albedo in even light, in the bands of ``physics.light.bands``.
 
     ``reflectance`` is albedo x grey x colour, a number or an output socket; for Hapke's law it is the colour alone, and
-    ``grey`` the factor on w. ``frosted`` is an output socket of the share of frost over it, or None.
+    ``grey`` the factor on w, at least ``least``. ``frosted`` is an output socket of the share of frost over it, or
+    None.
     """
     found: Any = (*[reflectance] * 3, 1.0) if isinstance(reflectance, (int, float)) else reflectance
     if surface.model == "HAPKE" and settings is not None:
-        factors, bond = hapke_curve(settings, 1.0 if isinstance(grey, float) else darkest(surface))
+        factors, bond = hapke_curve(settings, 1.0 if isinstance(grey, float) else least)
         level: Any = float(bond[-1]) if isinstance(grey, float) else tree.curve("Albedo of w", grey, factors, bond)
         found = _add_product(tree, found, (level,) * 3 if isinstance(level, float) else level)
     if frosted is not None:

@@ -1,0 +1,198 @@
+"""Procedural ground with a trench: a fine square patch in its mesh, whose heights are those of the excavation.
+
+Every state of an excavation has the same patch, so only heights differ between them. The last ground is kept, so that
+the next state of a series makes neither the mesh round the patch nor earlier states again.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import bpy
+import numpy as np
+from mathutils import geometry
+
+from ...errors import IcyMoonError
+from ...physics.excavation import site as sites
+from ...physics.excavation.dig import Series
+from ...physics.excavation.grid import Grid
+from ...physics.mesh.patch_hole import cut_hole, inside_loop, rim_of
+from ...physics.rocks.rocks import HeightAt
+from ...physics.terrain.terrain import Terrain
+from ...settings import changes
+from ...typed_settings import Settings
+from ..datablocks.blend_file_paths import with_absolute_files
+from .terrain_mesh import MeshedGround, mesh_ground
+
+#: Attributes: depth of dug ground below the untouched surface in metres, and whether spoil lies there.
+DEPTH, SPOIL = "icymoon_depth", "icymoon_spoil"
+#: Thickness of spoil that covers the ground, and change of height from which a face counts as dug.
+_COVERS_M, _DUG_M = 1.0e-3, 1.0e-4
+#: Cells round the patch that are free of other vertices: as many as are needed to cut a hole with one rim.
+_FREE = (2.0, 6.0, 16.0)
+
+
+@dataclass(frozen=True)
+class DugGround(MeshedGround):
+    """Ground in a state of an excavation. The vertices of its patch come last, row by row from the south-west."""
+
+    series: Series | None = None
+    state: int = 0
+
+    @property
+    def grid(self) -> Grid:
+        """The grid of the patch."""
+        assert self.series is not None
+        return self.series.site.grid
+
+    def before(self, height_at: HeightAt) -> HeightAt:
+        """Heights of the untouched ground from those of the mesh in this state."""
+        assert self.series is not None
+        series = self.series
+
+        def heights(x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+            return series.site.grid.interpolate(series.before_m, x_m, y_m, height_at(x_m, y_m))
+
+        return heights
+
+    def change_m(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """How much higher the ground is in this state than untouched, in metres."""
+        assert self.series is not None
+        change = self.series.at(self.state).layers.top - self.series.before_m
+        return self.grid.interpolate(change, x_m, y_m, np.zeros(np.shape(x_m)))
+
+    def build_mesh(self, name: str) -> bpy.types.Mesh:
+        """The mesh, with the attributes ``DEPTH`` and ``SPOIL``."""
+        assert self.series is not None
+        mesh = super().build_mesh(name)
+        layers = self.series.at(self.state).layers
+        around = np.zeros(len(self.positions) - layers.ground.size, np.float32)
+        for key, values in ((DEPTH, self.series.before_m - layers.ground),
+                            (SPOIL, np.clip(layers.spoil / _COVERS_M, 0.0, 1.0))):
+            attribute = mesh.attributes.new(key, "FLOAT", "POINT")
+            attribute.data.foreach_set("value", np.concatenate([around, values.ravel().astype(np.float32)]))
+        return mesh
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """Ground with its patch untouched, and the states that have been dug."""
+
+    key: str
+    ground: MeshedGround
+    series: Series
+
+
+_last: _Prepared | None = None
+_lock = threading.Lock()  # the fine ground of the window is made in a thread
+
+
+def mesh_whole_ground(make: Callable[[Settings], Terrain], settings: Settings) -> MeshedGround:
+    """Procedural ground with its mesh, dug if ``settings`` have an excavation; any thread may call it.
+
+    Raises IcyMoonError if it cannot be dug, ValueError if a height is not finite.
+    """
+    if not sites.is_dug(settings):
+        return mesh_ground(make(settings), settings)
+    if reasons := sites.find_reasons(settings):
+        raise IcyMoonError(" ".join(reasons))
+    with _lock:
+        prepared = _prepare(make, settings)
+        return _dig(prepared, int(settings.excavation.state))
+
+
+def _key(settings: Settings) -> str:
+    scene = {topic: dict(values) for topic, values in changes.scene(settings).items()}
+    scene["excavation"]["state"] = 0
+    return json.dumps([scene, sites.gravity_m_s2(settings)], sort_keys=True)
+
+
+def _prepare(make: Callable[[Settings], Terrain], settings: Settings) -> _Prepared:
+    global _last
+    settings = with_absolute_files(settings)
+    key = _key(settings)
+    if _last is None or _last.key != key:
+        _last = None  # its memory is needed
+        made = mesh_ground(make(settings), settings)
+        site = sites.make_site(settings)
+        x, y = site.grid.east_m[None, :], site.grid.north_m[:, None]
+        before = np.asarray(made.surface.heights(x, y, 2 * site.grid.cell_m), np.float64)
+        joined = join(made, site.grid, before)
+        _last = _Prepared(key, joined, Series(site, settings.excavation, int(settings.dataset.seed), before))
+    return _last
+
+
+def _dig(prepared: _Prepared, state: int) -> DugGround:
+    """The ground in a state: the heights of its patch, and flat faces where it was dug."""
+    ground, series = prepared.ground, prepared.series
+    top = series.at(state).layers.top
+    positions = ground.positions.copy()
+    positions[-top.size:, 2] = top.ravel()
+    moved = np.concatenate([np.zeros(len(positions) - top.size, bool),
+                            np.abs(top - series.before_m).ravel() > _DUG_M])
+    flat = moved[ground.faces].any(axis=1)
+    fine = flat if ground.fine is None else flat | ground.fine
+    return DugGround(ground.surface, positions, ground.faces, ground.sharp, ground.spacing_m, fine, series, state)
+
+
+def join(ground: MeshedGround, grid: Grid, heights_m: np.ndarray) -> MeshedGround:
+    """Ground whose mesh has a patch with the vertices of ``grid``, which come last, at ``heights_m`` (rows, columns).
+
+    The triangles that meet the patch are taken out, and the gap is filled by a constrained Delaunay triangulation
+    between the rim of the hole and that of the patch, without a new vertex, so there is no crack. Raises IcyMoonError
+    if there is no ground all round the patch.
+    """
+    faces = ground.faces if ground.faces.shape[1] == 3 else np.concatenate(
+        [ground.faces[:, [0, 1, 2]], ground.faces[:, [0, 2, 3]]])
+    fine = None if ground.fine is None else (
+        ground.fine if ground.faces.shape[1] == 3 else np.concatenate([ground.fine, ground.fine]))
+    holes = (cut_hole(ground.positions, faces, grid.bounds_m, free * grid.cell_m) for free in _FREE)
+    hole = next((found for found in holes if found is not None), None)
+    if hole is None:
+        raise IcyMoonError("Trench and heap do not lie on one piece of ground; move excavation.start_x_m and "
+                           "excavation.start_y_m.")
+    kept, loop = hole
+    used = np.zeros(len(ground.positions), bool)
+    used[faces[kept]] = True
+    number = np.cumsum(used) - 1
+    around = int(used.sum())
+    east, north = np.broadcast_arrays(grid.east_m[None, :], grid.north_m[:, None])
+    patch = np.stack([east, north, heights_m], axis=2).reshape(-1, 3)
+    rim = rim_of(grid.rows, grid.columns)
+    gap = _fill_gap(ground.positions[loop, :2], patch[rim, :2])
+    ends = np.concatenate([number[loop], around + rim])
+    corner = around + (np.arange(grid.rows - 1)[:, None] * grid.columns + np.arange(grid.columns - 1)).ravel()
+    squares = np.stack([corner, corner + 1, corner + grid.columns + 1, corner + grid.columns], axis=1)
+    added = np.concatenate([ends[gap], squares[:, [0, 1, 2]], squares[:, [0, 2, 3]]])
+    sharp = ground.sharp[used[ground.sharp].all(axis=1)] if len(ground.sharp) else ground.sharp
+    return replace(
+        ground, positions=np.concatenate([ground.positions[used].astype(np.float64), patch]),
+        faces=np.concatenate([number[faces[kept]], added]).astype(np.int32),
+        sharp=np.sort(number[sharp], axis=1) if len(sharp) else sharp,
+        spacing_m=None if ground.spacing_m is None else np.concatenate(
+            [ground.spacing_m[used], np.full(len(patch), grid.cell_m)]),
+        fine=None if fine is None else np.concatenate([fine[kept], np.ones(len(added), bool)]))
+
+
+def _fill_gap(outer_m: np.ndarray, inner_m: np.ndarray) -> np.ndarray:
+    """Triangles (m, 3), counter-clockwise, between an outer loop (n, 2) and an inner one (k, 2), by the number of their
+    corners in both, the outer first."""
+    points = np.concatenate([outer_m, inner_m]) - inner_m.mean(axis=0)
+    edges = [(first + k, first + (k + 1) % count) for first, count in ((0, len(outer_m)), (len(outer_m), len(inner_m)))
+             for k in range(count)]
+    found, _, triangles, of, *_ = geometry.delaunay_2d_cdt(points.tolist(), edges, [], 0, 1e-9)
+    if len(found) != len(points):
+        raise IcyMoonError("The mesh round the trench has places that coincide; change excavation.start_x_m or "
+                           "excavation.cell_m a little.")
+    original = np.array([each[0] for each in of])
+    made = original[np.array(list(triangles), np.int64)]
+    a, b, c = (points[made[:, k]] for k in range(3))
+    ahead = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    made[ahead < 0] = made[ahead < 0][:, ::-1]
+    middle = (a + b + c) / 3.0
+    low, high = points[len(outer_m):].min(axis=0), points[len(outer_m):].max(axis=0)
+    in_patch = ((middle > low) & (middle < high)).all(axis=1)
+    return made[inside_loop(middle, points[:len(outer_m)]) & ~in_patch]

@@ -1,0 +1,117 @@
+"""What the blade of a scoop takes away: the ground above the lowest height that the blade has had.
+
+A height field keeps only what is above the blade, so an undercut is no cut: what hangs over falls in with it. A cell is
+cut where the blade was over it. Blades end inside cells, so each cell is the mean of 4 x 4 places: a prism of 8 x 30 cm
+on cells of 2.5 mm is then within 0.01 % of its volume, and 2 % without (``tests/physics/excavation/test_cut.py``).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .grid import Grid
+
+#: Places in a cell along each axis.
+SUBSAMPLES = 4
+
+
+@dataclass(frozen=True)
+class Pull:
+    """A straight pull of a blade ``width_m`` wide from (``x_m``, ``y_m``) along a heading, clockwise from north.
+
+    ``along_m`` (n,), rising, are distances from there, and ``depth_m`` (n,) the depths of the edge below the plane
+    of the untouched ground there.
+    """
+
+    x_m: float
+    y_m: float
+    heading_deg: float
+    width_m: float
+    along_m: np.ndarray
+    depth_m: np.ndarray
+
+    def place(self, x_m: Any, y_m: Any) -> tuple[Any, Any]:
+        """Distances along the pull and to its right, in metres."""
+        east, north = math.sin(math.radians(self.heading_deg)), math.cos(math.radians(self.heading_deg))
+        x, y = np.asarray(x_m) - self.x_m, np.asarray(y_m) - self.y_m
+        return x * east + y * north, x * north - y * east
+
+    def point(self, along_m: float, right_m: float) -> tuple[float, float]:
+        """East and north of a place, the inverse of ``place``."""
+        east, north = math.sin(math.radians(self.heading_deg)), math.cos(math.radians(self.heading_deg))
+        return self.x_m + along_m * east + right_m * north, self.y_m + along_m * north - right_m * east
+
+    def bounds_m(self, margin_m: float = 0.0) -> tuple[float, float, float, float]:
+        """West, south, east and north end of what the blade passes over, and a margin."""
+        half = self.width_m / 2 + margin_m
+        corners = [self.point(along, right) for along in (self.along_m[0] - margin_m, self.along_m[-1] + margin_m)
+                   for right in (-half, half)]
+        x, y = zip(*corners, strict=True)
+        return min(x), min(y), max(x), max(y)
+
+    def depth_at(self, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
+        """Depth of the blade's edge at points that it passes over, in metres; -inf at others."""
+        along, right = self.place(x_m, y_m)
+        over = (np.abs(right) <= self.width_m / 2) & (along >= self.along_m[0]) & (along <= self.along_m[-1])
+        return np.where(over, np.interp(along, self.along_m, self.depth_m), -np.inf)
+
+    def beside(self, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distance in metres of points to the nearest that the blade passes over, 0 there, and its depth there."""
+        along, right = self.place(x_m, y_m)
+        nearest = np.clip(along, self.along_m[0], self.along_m[-1])
+        out = np.hypot(along - nearest, np.maximum(np.abs(right) - self.width_m / 2, 0.0))
+        return out, np.interp(nearest, self.along_m, self.depth_m)
+
+
+def bounds_of(pulls: Sequence[Pull], margin_m: float = 0.0) -> tuple[float, float, float, float]:
+    """West, south, east and north end in metres of what all pulls pass over, and a margin."""
+    ends = np.array([pull.bounds_m(margin_m) for pull in pulls])
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    return float(low[0]), float(low[1]), float(high[2]), float(high[3])
+
+
+def fit_plane(grid: Grid, heights: np.ndarray, pulls: Sequence[Pull]) -> np.ndarray:
+    """The least squares plane (3,), height = a + b east + c north, of the ground that the pulls pass over.
+
+    It is level where that is less than three cells wide.
+    """
+    x, y = grid.east_m[None, :], grid.north_m[:, None]
+    over = np.any([np.isfinite(pull.depth_at(x, y)) for pull in pulls], axis=0)
+    rows, columns = np.nonzero(over)
+    if len(rows) == 0:
+        at = pulls[0].point(float(np.mean(pulls[0].along_m)), 0.0)
+        return np.array([float(grid.interpolate(heights, np.array([at[0]]), np.array([at[1]]), np.zeros(1))[0]),
+                         0.0, 0.0])
+    east, north, z = grid.east_m[columns], grid.north_m[rows], heights[rows, columns]
+    if min(np.ptp(rows), np.ptp(columns)) < 2:
+        return np.array([float(z.mean()), 0.0, 0.0])
+    middle_east, middle_north = float(east.mean()), float(north.mean())
+    design = np.stack([np.ones(len(z)), east - middle_east, north - middle_north], axis=1)
+    a, b, c = np.linalg.lstsq(design, z, rcond=None)[0]
+    return np.array([a - b * middle_east - c * middle_north, b, c])
+
+
+def cut_heights(grid: Grid, top_m: np.ndarray, plane: np.ndarray, pulls: Sequence[Pull]) -> np.ndarray:
+    """How much (rows, columns) in metres the pulls take off the ground, whose top is at ``top_m``.
+
+    ``plane`` is what depths count from, as ``fit_plane`` returns it.
+    """
+    taken = np.zeros_like(top_m)
+    window = grid.window(*bounds_of(pulls))
+    x, y = grid.east_m[None, window[1]], grid.north_m[window[0], None]
+    steps = ((np.arange(SUBSAMPLES) + 0.5) / SUBSAMPLES - 0.5) * grid.cell_m
+    for north in steps:
+        for east in steps:
+            depth = np.full(taken[window].shape, -np.inf)
+            for pull in pulls:
+                depth = np.maximum(depth, pull.depth_at(x + east, y + north))
+            # Against the ground's own plane there, so that a slope does not bias a cell that is half cut.
+            over = np.isfinite(depth)
+            floor = plane[0] + plane[1] * x + plane[2] * y - np.where(over, depth, 0.0)
+            taken[window] += np.where(over, np.maximum(top_m[window] - floor, 0.0), 0.0)
+    return taken / SUBSAMPLES**2

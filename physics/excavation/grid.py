@@ -1,0 +1,66 @@
+"""The fine square grid on which ground is dug, and the paths of a scoop in its coordinates."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Vertices ``cell_m`` apart: ``columns`` from ``x_m`` eastward, ``rows`` from ``y_m`` northward. A cell is the
+    square round a vertex."""
+
+    x_m: float
+    y_m: float
+    columns: int
+    rows: int
+    cell_m: float
+
+    @property
+    def east_m(self) -> np.ndarray:
+        """East coordinates (columns,), as single precision stores them."""
+        return (self.x_m + self.cell_m * np.arange(self.columns)).astype(np.float32).astype(np.float64)
+
+    @property
+    def north_m(self) -> np.ndarray:
+        """North coordinates (rows,), as single precision stores them."""
+        return (self.y_m + self.cell_m * np.arange(self.rows)).astype(np.float32).astype(np.float64)
+
+    @property
+    def bounds_m(self) -> tuple[float, float, float, float]:
+        """West, south, east and north end in metres."""
+        return (self.x_m, self.y_m, self.x_m + self.cell_m * (self.columns - 1),
+                self.y_m + self.cell_m * (self.rows - 1))
+
+    def window(self, west: float, south: float, east: float, north: float) -> tuple[slice, slice]:
+        """Rows and columns of the vertices in a rectangle, and one more on each side."""
+        columns, rows = (slice(max(math.floor((low - first) / self.cell_m) - 1, 0),
+                               max(min(math.ceil((high - first) / self.cell_m) + 2, count), 0))
+                         for low, high, first, count in ((west, east, self.x_m, self.columns),
+                                                         (south, north, self.y_m, self.rows)))
+        return rows, columns
+
+    def interpolate(self, values: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, outside: np.ndarray) -> np.ndarray:
+        """Bilinear values at points, of ``values`` (rows, columns); those of ``outside`` beyond the grid."""
+        u, v = (np.asarray(x_m) - self.x_m) / self.cell_m, (np.asarray(y_m) - self.y_m) / self.cell_m
+        inside = (u >= 0) & (v >= 0) & (u <= self.columns - 1) & (v <= self.rows - 1)
+        i, j = (np.clip(np.floor(np.where(inside, a, 0)).astype(int), 0, n - 2)
+                for a, n in ((u, self.columns), (v, self.rows)))
+        du, dv = np.where(inside, u - i, 0.0), np.where(inside, v - j, 0.0)
+        found = ((1 - dv) * ((1 - du) * values[j, i] + du * values[j, i + 1])
+                 + dv * ((1 - du) * values[j + 1, i] + du * values[j + 1, i + 1]))
+        return np.where(inside, found, outside)
+
+
+def covering(west: float, south: float, east: float, north: float, cell_m: float) -> Grid:
+    """The least grid over a rectangle whose cells end at multiples of their side.
+
+    Vertices are half a cell off: the edges of a blade along an axis then often lie between cells.
+    """
+    first = [math.floor(round(low / cell_m - 0.5, 6)) for low in (west, south)]
+    last = [math.ceil(round(high / cell_m - 0.5, 6)) for high in (east, north)]
+    columns, rows = (b - a + 1 for a, b in zip(first, last, strict=True))
+    return Grid((first[0] + 0.5) * cell_m, (first[1] + 0.5) * cell_m, columns, rows, cell_m)

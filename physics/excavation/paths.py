@@ -1,0 +1,105 @@
+"""The pulls of a scoop that each state of an excavation adds: along a line, along an arc, or as recorded."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import absolute_path
+from ...suggestions import nearest
+from ...typed_settings import ExcavationSettings
+from .cut import Pull
+
+NONE, LINE, ARC, RECORDED = "NONE", "LINE", "ARC", "RECORDED"
+#: Columns that a recorded path must have.
+COLUMNS = ("state", "x_m", "y_m", "depth_m")
+#: Points of an arc: straight between them, it is within 1e-5 of its radius.
+_ARC_POINTS = 181
+
+
+def make_pulls(excavation: ExcavationSettings) -> list[list[Pull]]:
+    """The pulls of each state after the first, in which the ground is untouched.
+
+    Raises IcyMoonError if a recorded path cannot be read.
+    """
+    if excavation.path == RECORDED:
+        return _recorded(excavation)
+    return [[_pull(excavation, k * excavation.bite_m)] for k in range(1, int(excavation.states))]
+
+
+def _pull(excavation: ExcavationSettings, depth_m: float) -> Pull:
+    """The pull to a depth. The blade of an arc swings into the ground, goes along the line, and swings out."""
+    length = float(excavation.length_m)
+    along, depth = np.array([0.0, length]), np.array([depth_m, depth_m])
+    if excavation.path == ARC:
+        radius = float(excavation.radius_m)
+        deepest = min(depth_m, radius)  # beyond, an arc would cut under the ground
+        half = math.acos(1.0 - deepest / radius)
+        turn = np.linspace(0.0, half, _ARC_POINTS)
+        out, rise = radius * np.sin(turn), radius * (1.0 - np.cos(turn))
+        along = np.concatenate([-out[::-1], length + out])
+        depth = depth_m - np.concatenate([rise[::-1], rise])
+    return Pull(excavation.start_x_m, excavation.start_y_m, excavation.heading_deg, excavation.width_m, along, depth)
+
+
+def _recorded(excavation: ExcavationSettings) -> list[list[Pull]]:
+    """Straight pulls between the recorded places of the blade's middle, by state."""
+    path = absolute_path(excavation.file, "excavation.file")
+    table = read_path(path)
+    states = int(excavation.states)
+    if (beyond := table[:, 0].max()) >= states:
+        raise IcyMoonError(f"{path}: has a state {beyond:g}, but excavation.states is {states}, so that the last is "
+                           f"{states - 1}; raise excavation.states.")
+    made: list[list[Pull]] = []
+    for state in range(1, states):
+        points = table[table[:, 0] == state, 1:]
+        made.append([pull for a, b in itertools.pairwise(points)
+                     if (pull := _between(a, b, float(excavation.width_m))) is not None])
+    if not any(made):
+        raise IcyMoonError(f"{path}: has no state from 1 with two places that differ; give the path of the blade.")
+    return made
+
+
+def _between(a: np.ndarray, b: np.ndarray, width_m: float) -> Pull | None:
+    length = math.hypot(b[0] - a[0], b[1] - a[1])
+    if length == 0.0:
+        return None
+    heading = math.degrees(math.atan2(b[0] - a[0], b[1] - a[1]))
+    return Pull(float(a[0]), float(a[1]), heading, width_m, np.array([0.0, length]), np.array([a[2], b[2]]))
+
+
+def read_path(path: Path) -> np.ndarray:
+    """State, east, north and depth below the plane of the untouched ground (n, 4), in metres, of a CSV file whose
+    first line names its columns; others than ``COLUMNS`` are not read.
+
+    Raises IcyMoonError if the file is missing, or a column, or a number.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise IcyMoonError(f"{path}: cannot be read ({error}); check excavation.file.") from None
+    heads = [head.strip() for head in lines[0].split(",")]
+    for column in COLUMNS:
+        if column not in heads:
+            raise IcyMoonError(f"{path}: has no column {column}, {nearest(column, heads)} Its first line must name the "
+                               f"columns {', '.join(COLUMNS)}.")
+    rows = []
+    for number, line in enumerate(lines[1:], 2):
+        if not line.strip():
+            continue
+        cells = line.split(",")
+        try:
+            row = [float(cells[heads.index(column)]) for column in COLUMNS]
+        except (ValueError, IndexError):
+            row = []
+        if not row or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
+            raise IcyMoonError(f"{path}: line {number} is no place of the blade; give a whole state from 1, and "
+                               "x_m, y_m and depth_m in metres.")
+        rows.append(row)
+    if not rows:
+        raise IcyMoonError(f"{path}: has no line of numbers; give the path of the blade.")
+    return np.array(rows)

@@ -1,0 +1,168 @@
+"""Where ground is dug: the grid that holds trench and heap in every state, and what is refused or advised."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+from dataclasses import dataclass
+
+from ...errors import IcyMoonError
+from ...typed_settings import ExcavationSettings, Settings
+from .cut import Pull, bounds_of
+from .grid import Grid, covering
+from .heap import Heap, ridge_height_m
+from .paths import ARC, NONE, RECORDED, make_pulls
+from .strength import GRAVITY_M_S2, critical_height_m
+
+#: Vertices along a side of the grid at most, and its margin round trench and heap.
+MOST_SIDE, _MARGIN_M, _MARGIN_CELLS = 1500, 0.03, 4
+#: Cells across a blade under which its trench is crude.
+_FEWEST_ACROSS = 8
+
+
+def is_dug(settings: Settings) -> bool:
+    """Whether the ground has an excavation, be it untouched in this state."""
+    return settings.excavation.path != NONE
+
+
+def gravity_m_s2(settings: Settings) -> float:
+    """Gravity of the settings, or of their moon. Raises IcyMoonError if it is not known."""
+    stated = float(settings.excavation.gravity_m_s2)
+    if stated > 0:
+        return stated
+    body = str(settings.light.body).upper()
+    if body not in GRAVITY_M_S2:
+        raise IcyMoonError(f"The gravity of {body} is not known, which decides whether walls stand; state "
+                           "excavation.gravity_m_s2.")
+    return GRAVITY_M_S2[body]
+
+
+@dataclass(frozen=True)
+class Site:
+    """The pulls of each state after the first, where the spoil goes, the grid, and the wall that just stands.
+
+    ``trench_m`` is west, south, east and north end of the trench in its last state.
+    """
+
+    pulls: tuple[tuple[Pull, ...], ...]
+    heap: Heap
+    grid: Grid
+    stands_m: float
+    trench_m: tuple[float, float, float, float]
+
+
+def make_site(settings: Settings) -> Site:
+    """The site of complete ``settings`` that are ``is_dug``; the same for all states of an excavation.
+
+    Raises IcyMoonError for what cannot be dug.
+    """
+    return _site(json.dumps({key: settings.excavation[key] for key in _OF_THE_SITE}), gravity_m_s2(settings))
+
+
+#: Settings on which the site depends.
+_OF_THE_SITE = ("path", "file", "start_x_m", "start_y_m", "heading_deg", "length_m", "width_m", "bite_m", "radius_m",
+                "states", "cohesion_pa", "friction_deg", "density_kg_m3", "bulking", "chips_m", "heaped_share",
+                "heap_side", "heap_gap_m", "cell_m")
+
+
+@functools.lru_cache(maxsize=16)
+def _site(key: str, gravity: float) -> Site:
+    excavation = ExcavationSettings(json.loads(key))
+    pulls = tuple(map(tuple, make_pulls(excavation)))
+    every = [pull for each in pulls for pull in each]
+    if not every:  # one state only: where the first bite would be
+        every = [pull for each in make_pulls(excavation | {"states": 2}) for pull in each]
+    deepest = max((float(pull.depth_m.max()) for pull in every), default=0.0)
+    stands = critical_height_m(excavation.cohesion_pa, excavation.friction_deg, excavation.density_kg_m3, gravity)
+    slope = math.tan(math.radians(excavation.friction_deg))
+    slumped = 0.5 * max(deepest, 0.0) / slope if deepest > stands else 0.0
+    heap, reach = _place_heap(excavation, every, deepest, slumped)
+    cell = float(excavation.cell_m)
+    margin = max(_MARGIN_M, _MARGIN_CELLS * cell) + float(excavation.chips_m)
+    trench = bounds_of(every, slumped + excavation.chips_m + 2 * cell)
+    ends = [bounds_of(every, 2 * slumped + margin),
+            (min(heap.start_m[0], heap.end_m[0]) - reach, min(heap.start_m[1], heap.end_m[1]) - reach,
+             max(heap.start_m[0], heap.end_m[0]) + reach, max(heap.start_m[1], heap.end_m[1]) + reach)]
+    grid = covering(min(e[0] for e in ends), min(e[1] for e in ends), max(e[2] for e in ends),
+                    max(e[3] for e in ends), cell)
+    if max(grid.rows, grid.columns) > MOST_SIDE:
+        raise IcyMoonError(f"Trench and heap cover {grid.columns * cell:.3g} x {grid.rows * cell:.3g} m, which is "
+                           f"{grid.columns} x {grid.rows} cells of {cell:g} m, more than {MOST_SIDE} along a side; "
+                           "raise excavation.cell_m, or dig less.")
+    return Site(pulls, heap, grid, stands, trench)
+
+
+def _place_heap(excavation: ExcavationSettings, pulls: list[Pull], deepest: float,
+                slumped: float) -> tuple[Heap, float]:
+    """The heap, whose foot comes to the gap beside the trench in the last state, and how far it reaches."""
+    first = pulls[0]
+    ends = [(first.place(*pull.point(float(along), 0.0))) for pull in pulls for along in pull.along_m[[0, -1]]]
+    start, end = min(float(a) for a, _ in ends), max(float(a) for a, _ in ends)
+    half = excavation.width_m / 2 + max(abs(float(right)) for _, right in ends)
+    length = (end - start) if excavation.path == RECORDED else float(excavation.length_m)
+    low, high = (start, end) if excavation.path == RECORDED else (0.0, length)
+    area = (end - start + 2 * slumped) * (2 * half + 2 * slumped)
+    volume = excavation.heaped_share * excavation.bulking * area * max(deepest, 0.0)
+    height = ridge_height_m(max(volume, 1e-9), length, excavation.friction_deg)
+    foot = height / math.tan(math.radians(excavation.friction_deg))
+    away = half + slumped + excavation.heap_gap_m + foot
+    side = away if excavation.heap_side == "RIGHT" else -away
+    heap = Heap(first.point(low, side), first.point(high, side), excavation.friction_deg)
+    return heap, 1.4 * foot + _MARGIN_M
+
+
+def find_reasons(settings: Settings) -> list[str]:
+    """Why an excavation cannot be dug, a sentence each; none if it can or there is none."""
+    if not is_dug(settings):
+        return []
+    excavation = settings.excavation
+    if settings.source.kind != "PROCEDURAL":
+        return ["Ground from a file cannot be dug; set source.kind to PROCEDURAL, or excavation.path to NONE."]
+    if excavation.state >= excavation.states:
+        return [f"excavation.state is {excavation.state}, but the last of {excavation.states} states "
+                f"(excavation.states) is {excavation.states - 1}; lower it or raise excavation.states."]
+    try:
+        grid = make_site(settings).grid
+    except IcyMoonError as error:
+        return [str(error)]
+    west, south, east, north = grid.bounds_m
+    reach = max(abs(west), abs(south), abs(east), abs(north)) + 3 * grid.cell_m
+    if settings.mesh.kind == "GRID" and reach > settings.terrain.size_m / 2:
+        return [f"Trench and heap reach {reach:.3g} m from the origin, beyond the {settings.terrain.size_m:g} m patch "
+                "of ground; move excavation.start_x_m and excavation.start_y_m, or raise terrain.size_m."]
+    far = max(math.hypot(x - settings.rig.x_m, y - settings.rig.y_m) for x in (west, east) for y in (south, north))
+    if settings.mesh.kind == "GRADED" and 2 * far > settings.mesh.farthest_m:
+        return [f"Trench and heap reach {far:.3g} m from the camera, more than half of mesh.farthest_m "
+                f"({settings.mesh.farthest_m:g} m); move excavation.start_x_m and excavation.start_y_m."]
+    return []
+
+
+def advice(settings: Settings) -> list[str]:
+    """Sentences about an excavation that is dug although something may not be what the user expects."""
+    if not is_dug(settings) or find_reasons(settings):
+        return []
+    excavation, site, said = settings.excavation, make_site(settings), []
+    deepest = max((float(pull.depth_m.max()) for each in site.pulls for pull in each), default=0.0)
+    if deepest <= 0:
+        said.append("Nothing is dug in any state, because the blade never goes below the ground; raise "
+                    "excavation.bite_m, or keep it for a series of ground that does not change.")
+    if excavation.path == ARC and deepest > excavation.radius_m:
+        said.append(f"The arc's last bite is {deepest:.3g} m deep, more than its radius of {excavation.radius_m:g} m. "
+                    "A scoop would cut under the ground there; the trench has straight ends instead.")
+    if 0 < deepest <= site.stands_m:
+        angle = math.degrees(math.atan(deepest / site.grid.cell_m))
+        said.append(f"Walls up to {site.stands_m:.3g} m stand upright. The mesh makes them {angle:.1f} degrees steep, "
+                    f"because they are one cell of {excavation.cell_m:g} m wide.")
+    if excavation.width_m < _FEWEST_ACROSS * excavation.cell_m:
+        said.append(f"The blade is {excavation.width_m / excavation.cell_m:.2g} cells wide, so that the trench is "
+                    "crude; lower excavation.cell_m.")
+    x, y = settings.rig.x_m, settings.rig.y_m
+    west, south, east, north = site.grid.bounds_m
+    if west < x < east and south < y < north:
+        said.append("Trench or heap are under the camera, which stays as high as over the untouched ground; move "
+                    "excavation.start_x_m or excavation.start_y_m.")
+    if settings.rocks.coverage > 0:
+        said.append("Rocks in the trench are not taken away: one of which most of the ground under it is dug away lies "
+                    "on the trench's floor; others stay where they lay, as does what spoil falls on.")
+    return said

@@ -1,0 +1,111 @@
+"""The patch of an excavation in the mesh of the ground: no crack, and the volumes that the records state."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from icymoon.nodes.ground import dug_ground
+from icymoon.nodes.ground.dug_ground import DEPTH, mesh_whole_ground
+from icymoon.nodes.next_scene import open_empty_scene
+from icymoon.nodes.scene import ground_of
+from icymoon.physics.excavation.jitter import jittered_rig
+from icymoon.settings import description
+from rendering import complete
+
+DUG = {"path": "LINE", "states": 3, "bite_m": 0.05, "length_m": 0.2, "cell_m": 0.01, "start_y_m": 2.0}
+GRADED = {"mesh": {"kind": "GRADED", "most": 20000, "farthest_m": 100.0}}
+
+
+def dug(*more, **changes):
+    return mesh_whole_ground(ground_of, complete({"excavation": DUG | changes}, *more))
+
+
+def volume_m3(positions, faces):
+    """The volume between triangles and the plane z = 0, by the corners of each."""
+    a, b, c = (positions[faces[:, k]].astype(np.float64) for k in range(3))
+    area = ((b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])) / 2
+    return float((area * (a[:, 2] + b[:, 2] + c[:, 2])).sum() / 3), float(area.min())
+
+
+def count_edges(faces):
+    edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64), axis=1)
+    return np.unique(edges[:, 0] * (int(faces.max()) + 1) + edges[:, 1], return_counts=True)
+
+
+@pytest.mark.parametrize("mesh", [{}, GRADED], ids=["grid", "graded"])
+def test_the_patch_leaves_no_crack(mesh):
+    made = dug(mesh)
+    _, times = count_edges(made.faces)
+    assert times.max() == 2
+    # Only the rim of the whole ground is used once: for a grid its sides, for rings the outermost.
+    edges, times = count_edges(made.faces)
+    many = int(made.faces.max()) + 1
+    ends = np.unique(np.concatenate([edges[times == 1] // many, edges[times == 1] % many]))
+    distance = np.hypot(*made.positions[ends, :2].T)
+    assert distance.min() > 9.0
+    assert len(np.unique(made.faces)) == len(made.positions)
+
+
+@pytest.mark.parametrize("mesh", [{}, GRADED], ids=["grid", "graded"])
+def test_volumes_between_triangles_are_those_on_record(mesh):
+    untouched, made = dug(mesh, state=0), dug(mesh, state=2)
+    (before, least), (after, _) = (volume_m3(each.positions, each.faces) for each in (untouched, made))
+    facts = made.series.facts(2)
+    assert least > 0.0  # no triangle lies upside down
+    # Sums over 1e4 triangles of up to 1e3 m² in double precision.
+    assert after - before == pytest.approx(facts["change_in_patch_by_state_m3"][2], abs=1e-7)
+    assert facts["taken_m3"] == pytest.approx(0.08 * 0.2 * 0.1, rel=1e-6)
+
+
+def test_only_heights_of_the_patch_differ_between_states():
+    first, second = dug(state=1), dug(state=2)
+    np.testing.assert_array_equal(first.faces, second.faces)
+    np.testing.assert_array_equal(first.positions[:, :2], second.positions[:, :2])
+    around = len(first.positions) - first.series.before_m.size
+    np.testing.assert_array_equal(first.positions[:around], second.positions[:around])
+
+
+def test_the_next_state_makes_no_new_ground(monkeypatch):
+    dug(state=1)
+    monkeypatch.setattr(dug_ground, "mesh_ground", None)  # whoever calls it fails
+    made = dug(state=2)
+    assert made.state == 2
+
+
+def test_a_built_scene_records_what_was_dug():
+    built = open_empty_scene(complete({"excavation": DUG | {"state": 1}}))
+    assert built.excavation["taken_m3"] == pytest.approx(0.08 * 0.2 * 0.05, rel=1e-6)
+    assert DEPTH in built.terrain.data.attributes
+    assert json.dumps(built.excavation)
+    assert not open_empty_scene(complete()).excavation
+
+
+def test_the_camera_of_a_series_moves_by_the_seed_and_the_state():
+    still = complete({"excavation": DUG})
+    assert jittered_rig(still) == still.rig
+    shaken = [complete({"excavation": DUG | {"jitter_m": 0.01, "jitter_deg": 0.1, "state": state}})
+              for state in (0, 1, 1)]
+    first, second, again = map(jittered_rig, shaken)
+    assert first != second == again
+    assert abs(first.x_m) < 0.05
+    off = description.merged(shaken[0], {"excavation": {"path": "NONE"}})
+    assert jittered_rig(off) == off.rig
+
+
+def test_a_rock_over_the_trench_falls_to_its_floor():
+    rock = {"rocks": {"coverage": 0.02, "smallest_m": 0.05, "largest_m": 0.06}}
+    heights = {}
+    for state in (0, 2):
+        wide = {"state": state, "length_m": 0.8, "width_m": 0.5, "cell_m": 0.02, "heaped_share": 0.2}
+        built = open_empty_scene(complete(rock, {"excavation": DUG | wide}))
+        mesh = next(item for item in built.collection.all_objects if item.get("icymoon") == "rock").data
+        co = np.empty(3 * len(mesh.vertices), np.float32)
+        mesh.vertices.foreach_get("co", co)
+        heights[state] = co.reshape(-1, 3)
+    moved = heights[2][:, 2] - heights[0][:, 2]
+    np.testing.assert_array_equal(heights[0][:, :2], heights[2][:, :2])
+    assert moved.min() < -0.05
+    assert 0 < (moved < -0.02).sum() < 0.1 * len(moved)
+    assert np.isclose(moved, 0.0).sum() > 0.8 * len(moved)

@@ -1,0 +1,145 @@
+"""The states of an excavation: volumes, masses, and what is refused."""
+
+import math
+
+import numpy as np
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.physics.excavation import site as sites
+from icymoon.physics.excavation.dig import Series
+from icymoon.physics.excavation.paths import read_path
+from icymoon.settings import description
+from icymoon.typed_settings import Settings
+
+DUG = {"path": "LINE", "states": 4, "bite_m": 0.04, "length_m": 0.2, "cell_m": 0.005, "start_y_m": 0.1}
+
+
+def complete(part: dict) -> Settings:
+    return description.merged(description.defaults(), description.check(part, "test"))
+
+
+def series(slope=0.0, **changes):
+    settings = complete({"excavation": DUG | changes, "light": {"body": "EUROPA"}})
+    site = sites.make_site(settings)
+    ground = np.add.outer(slope * site.grid.north_m, 0.5 * slope * site.grid.east_m)
+    return Series(site, settings.excavation, 1, ground)
+
+
+def test_the_first_state_is_untouched():
+    made = series()
+    np.testing.assert_array_equal(made.at(0).layers.top, made.before_m)
+    assert made.facts(0)["taken_m3"] == 0.0
+
+
+@pytest.mark.parametrize("changes", [{}, {"cohesion_pa": 0.0}, {"path": "ARC"}, {"heaped_share": 0.3},
+                                     {"heading_deg": 213.0, "heap_side": "LEFT"}, {"bulking": 1.0}])
+def test_no_mass_comes_or_goes(changes):
+    # Sums of 1e4 numbers in double precision.
+    assert series(0.1, **changes).mass_error(3) < 1e-12
+
+
+def test_each_bite_takes_its_prism():
+    facts = series(chips_m=0.0, heading_deg=200.0).facts(3)
+    # The edges of a turned prism cross cells of 5 mm, of which 16 places each are looked at.
+    np.testing.assert_allclose(facts["taken_by_state_m3"][1:], 0.08 * 0.2 * 0.04, rtol=2e-3)
+    assert facts["deepest_m"] == pytest.approx(0.12, abs=1e-9)
+
+
+def test_the_heap_has_the_mass_of_the_trench_and_more_volume():
+    facts = series(chips_m=0.0, bulking=1.5).facts(3)
+    assert facts["mass_in_spoil_kg"] == pytest.approx(facts["mass_taken_kg"], rel=1e-12)
+    assert facts["spoil_m3"] == pytest.approx(1.5 * facts["taken_m3"], rel=1e-12)
+    assert facts["mass_taken_kg"] == pytest.approx(500.0 * facts["taken_m3"], rel=1e-12)
+
+
+def test_walls_stand_by_cohesion_and_slide_without():
+    standing, sliding = series().facts(3), series(cohesion_pa=0.0).facts(3)
+    assert (standing["walls"], sliding["walls"]) == ("stand", "slide")
+    assert sliding["slid_m3"] > 0.0 == standing["slid_m3"]
+    top = series(cohesion_pa=0.0, bulking=1.0).at(3).layers.top
+    north, east = np.gradient(top, 0.005)
+    assert np.degrees(np.arctan(np.hypot(north, east))).max() < 40.5  # as of spoil, see test_relax
+    walls = series(chips_m=0.0).at(3).layers.top
+    assert np.abs(np.diff(walls, axis=1)).max() == pytest.approx(0.12, abs=1e-9)  # within one cell
+
+
+def test_chips_are_heaped_too():
+    facts = series(chips_m=0.01).facts(3)
+    assert facts["chipped_m3"] > 0
+    assert facts["mass_in_spoil_kg"] == pytest.approx(500.0 * (facts["taken_m3"] + facts["chipped_m3"]), rel=1e-12)
+
+
+def test_the_scoop_keeps_what_is_not_heaped():
+    facts = series(chips_m=0.0, heaped_share=0.25).facts(3)
+    assert facts["mass_kept_kg"] == pytest.approx(0.75 * facts["mass_taken_kg"], rel=1e-12)
+
+
+def test_the_patch_changes_by_what_spoil_gained():
+    # Ground and spoil differ in density only, so the surface rises by the bulking of what was moved.
+    facts = series(bulking=1.4).facts(3)
+    moved = facts["taken_m3"] + facts["chipped_m3"]
+    assert facts["change_in_patch_by_state_m3"][-1] == pytest.approx(0.4 * moved, rel=1e-9)
+
+
+def test_a_state_does_not_depend_on_those_after_it():
+    whole = series()
+    whole.at(3)
+    np.testing.assert_array_equal(series().at(2).layers.top, whole.at(2).layers.top)
+
+
+def test_neither_trench_nor_heap_reach_the_rim():
+    for changes in ({}, {"cohesion_pa": 0.0}, {"path": "ARC", "length_m": 0.0}, {"heap_side": "LEFT"}):
+        made = series(0.05, **changes)
+        moved = np.abs(made.at(3).layers.top - made.before_m)
+        assert max(moved[0].max(), moved[-1].max(), moved[:, 0].max(), moved[:, -1].max()) == 0.0
+
+
+def test_no_bite_digs_nothing():
+    facts = series(bite_m=0.0).facts(3)
+    assert facts["taken_m3"] == 0.0
+    assert facts["mass_error"] == 0.0
+    settings = complete({"excavation": DUG | {"bite_m": 0.0}})
+    assert any("Nothing is dug" in each for each in sites.advice(settings))
+
+
+def test_a_recorded_path_digs_what_a_line_digs(tmp_path):
+    file = tmp_path / "path.csv"
+    file.write_text("state,x_m,y_m,depth_m\n" + "".join(
+        f"{k},0,0.1,{0.04 * k}\n{k},0,-0.1,{0.04 * k}\n" for k in (1, 2, 3)), encoding="utf-8")
+    made = series(path="RECORDED", file=str(file))
+    np.testing.assert_allclose(made.facts(3)["taken_by_state_m3"], series().facts(3)["taken_by_state_m3"], rtol=0.01)
+
+
+@pytest.mark.parametrize(("text", "message"), [
+    ("state,x_m,y_m\n1,0,0\n", "no column depth_m"), ("state,x_m,y_m,depth_m\n0,0,0,0\n", "line 2"),
+    ("state,x_m,y_m,depth_m\n1,0,zero,0\n", "line 2"), ("state,x_m,y_m,depth_m\n", "no line of numbers")])
+def test_a_bad_path_is_refused(tmp_path, text, message):
+    file = tmp_path / "path.csv"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(IcyMoonError, match=message):
+        read_path(file)
+
+
+def reasons(**topics):
+    return " ".join(sites.find_reasons(complete({"excavation": DUG} | topics)))
+
+
+def test_what_cannot_be_dug_is_refused_in_a_sentence():
+    assert "last of 3 states" in reasons(excavation=DUG | {"states": 3, "state": 3})
+    assert "Ground from a file" in reasons(source={"kind": "HEIGHT_MAP"})
+    assert "gravity of TITAN" in reasons(light={"body": "TITAN"})
+    assert "beyond the 20 m patch" in reasons(excavation=DUG | {"start_x_m": 9.99}, mesh={"kind": "GRID"})
+    assert "raise excavation.cell_m" in reasons(excavation=DUG | {"length_m": 10.0, "cell_m": 0.001})
+    assert "mesh.farthest_m" in reasons(excavation=DUG | {"start_y_m": 3.0}, mesh={"farthest_m": 5.0})
+    assert reasons() == ""
+
+
+def test_walls_and_arcs_are_explained():
+    said = sites.advice(complete({"excavation": DUG | {"cell_m": 0.0025}}))
+    angle = math.degrees(math.atan(0.12 / 0.0025))
+    assert any(f"{angle:.1f} degrees" in each for each in said)
+    said = sites.advice(complete({"excavation": DUG | {"path": "ARC", "radius_m": 0.05}}))
+    assert any("radius" in each for each in said)
+    assert any("crude" in each for each in sites.advice(complete({"excavation": DUG | {"width_m": 0.02}})))
+    assert any("under the camera" in each for each in said)
+    assert not sites.advice(complete({}))
