@@ -10,7 +10,7 @@ import itertools
 import json
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +91,13 @@ def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:
         writer = part.name.removesuffix(PART).rsplit("-", 2)[1]
         if writer.isdecimal() and system.is_gone(int(writer), scope) and part.is_file() and not part.is_symlink():
             yield part
+
+
+def remove_leftover_parts(folder: Path) -> None:
+    """Remove the parts of files in a folder that ``find_leftover_parts`` finds."""
+    for part in find_leftover_parts(folder):
+        with suppress(OSError):  # another process removes it too, or the disk refuses
+            system.remove(part)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .. import system
 from ..errors import IcyMoonError
-from ..files import explain_disk_errors, find_leftover_parts
+from ..files import explain_disk_errors, remove_leftover_parts
 from .images import colours
 from .images.image_files import write_disparity, write_png
 from .matchers.methods import Method
@@ -53,9 +51,7 @@ def _is_ours(path: Path, begin: bytes) -> bool:
 def remove_leftovers(out: Path) -> None:
     """Remove what an evaluation that was killed left half-written in its folder."""
     for folder in (out, out / "curves", *(out / "pairs").glob("*/")):
-        for part in find_leftover_parts(folder):
-            with suppress(OSError):  # another evaluation of this folder removes it too
-                system.remove(part)
+        remove_leftover_parts(folder)
 
 
 def files_exist(entry: Mapping[str, Any], out: Path, pair: str) -> bool:
