@@ -26,8 +26,10 @@ from .typed_settings import Settings, typed
 
 #: Settings that were read to be displayed, with the time, by the scene's ``session_uid``.
 _displayed: dict[int, tuple[float, int, Settings]] = {}
-#: Undo changes properties without a word, so what is displayed is read anew after this time, which a redraw is within.
+#: Animation changes properties without a word, so what is displayed is read anew after this time, which a redraw is
+#: within. So does undo, which may come sooner after a redraw.
 _REDRAW_S = 0.05
+_UNDO = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post)
 
 
 def _register_group(name: str, doc: str, annotations: dict[str, Any]) -> type:
@@ -207,10 +209,14 @@ def register() -> None:
     root = _register_group("ICYMOON_PG_description", "All settings of an Icy Moon scene", pointers)
     bpy.types.Scene.icymoon = bpy.props.PointerProperty(
         type=root, name="Icy Moon", description="All settings of an Icy Moon scene")
+    for handlers in _UNDO:
+        handlers.append(_forget_displayed)
 
 
 def unregister() -> None:
     """Undo ``register``, in reverse order."""
+    for handlers in _UNDO:
+        handlers.remove(_forget_displayed)
     del bpy.types.Scene.icymoon
     while _classes:
         bpy.utils.unregister_class(_classes.pop())
@@ -235,12 +241,22 @@ def find_left_landforms(group: Any) -> list[str]:
 
 
 def read_for_display(group: Any) -> Settings:
-    """The settings as ``read_unchecked`` gives them, read once for all panels of a redraw. Do not change them."""
+    """The settings as ``read_unchecked`` gives them, read once for all panels of a redraw. Do not change them.
+
+    It is the same object as long as they are the same settings, so what follows from them can be kept by identity.
+    """
     now, changes, uid = time.monotonic(), count_changes(), group.id_data.session_uid
     kept = _displayed.get(uid)
     if kept is None or kept[1] != changes or now - kept[0] > _REDRAW_S:
-        kept = _displayed[uid] = now, changes, read_unchecked(group)
+        found = read_unchecked(group)
+        kept = _displayed[uid] = now, changes, kept[2] if kept and kept[2] == found else found
     return kept[2]
+
+
+@bpy.app.handlers.persistent
+def _forget_displayed(*_: Any) -> None:
+    """Read what is displayed anew at the next redraw; called after undo and redo."""
+    _displayed.clear()
 
 
 def read_unchecked(group: Any) -> Settings:

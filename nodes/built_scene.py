@@ -189,7 +189,7 @@ def find(scene: bpy.types.Scene) -> Built | None:
     roles = built_objects(collection)
     if not {"terrain", "sun", "camera"} <= roles.keys():
         return None
-    return Built(collection, roles["terrain"], roles["sun"], roles["camera"], typed(json.loads(collection[SETTINGS])),
+    return Built(collection, roles["terrain"], roles["sun"], roles["camera"], typed(_parsed(collection[SETTINGS])),
                  scene)
 
 

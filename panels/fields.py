@@ -3,32 +3,65 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
+from .. import scene_properties
 from ..operators import jobs
 from ..operators.sidebar_text import in_lines, plain
 from ..settings.table import TOPICS, Setting
+from ..typed_settings import Settings
 from .relevance import has_effect, is_shown
 
 #: Choices that the panel explains, by the first sentence of their tooltip.
 _EXPLAINED = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}
 
 
-def draw_settings(layout: Any, root: Any, topic: str, keys: Iterable[str]) -> None:
+class _Field(NamedTuple):
+    """How a setting that the present choices use is drawn."""
+
+    setting: Setting
+    has_effect: bool
+    meaning: str  # of the present choice; empty if it is not explained
+
+
+#: The fields of each part of the sidebar, and the settings for which they were found.
+_fields: dict[tuple[str, tuple[str, ...]], tuple[_Field, ...]] = {}
+_fields_of: Settings | None = None
+
+
+def find_fields(root: Any, topic: str, keys: tuple[str, ...]) -> tuple[_Field, ...]:
+    """The settings of a topic that the present choices use; ``root`` is ``Scene.icymoon``.
+
+    Found once for the same settings, since the window asks at every redraw.
+    """
+    global _fields_of
+    settings = scene_properties.read_for_display(root)
+    if _fields_of is not settings:
+        _fields.clear()
+        _fields_of = settings
+    if (topic, keys) not in _fields:
+        _fields[topic, keys] = tuple(_describe(topic, key, settings) for key in keys if is_shown(topic, key, settings))
+    return _fields[topic, keys]
+
+
+def _describe(topic: str, key: str, settings: Settings) -> _Field:
+    setting, value = TOPICS[topic][key], settings[topic][key]
+    meanings = (each[2] for each in setting.choices if each[0] == value and (topic, key) in _EXPLAINED)
+    return _Field(setting, has_effect(topic, key, settings), next(meanings, "").partition(". ")[0])
+
+
+def draw_settings(layout: Any, root: Any, topic: str, keys: tuple[str, ...]) -> None:
     """Draw the settings of a topic that the present choices use; ``root`` is ``Scene.icymoon``."""
     group = getattr(root, topic)
-    for key in keys:
-        if not is_shown(topic, key, root):
-            continue
-        setting, row = TOPICS[topic][key], layout.row()
-        row.enabled = has_effect(topic, key, root)
+    for setting, acts, meaning in find_fields(root, topic, keys):
+        row = layout.row()
+        row.enabled = acts
         if setting.kind == "list":
             _draw_list(row.column(), group, setting)
         else:
             _draw_field(row, group, setting)
-        if (topic, key) in _EXPLAINED:
-            meaning = next(choice[2] for choice in setting.choices if choice[0] == getattr(group, key))
-            draw_sentence(layout, meaning.partition(". ")[0])
+        if meaning:
+            draw_sentence(layout, meaning)
 
 
 def draw_start(layout: Any, operator: str, text: str, icon: str = "NONE", **properties: Any) -> None:

@@ -6,8 +6,8 @@ import bpy
 
 from ..operators import manual
 from ..settings.table import LANDFORMS, TOPICS, Topic
-from .fields import draw_sentence, draw_settings
-from .relevance import is_shown, uses_landforms
+from .fields import draw_sentence, draw_settings, find_fields
+from .relevance import uses_landforms
 from .sections import ADVANCED, ELSEWHERE, INSIDE, SECTIONS, Section, main_settings
 from .sidebar import FIRST, LAST, Sidebar
 from .topic_extras import AFTER, BEFORE
@@ -42,7 +42,7 @@ def _is_topic_shown(topic: str, root: object) -> bool:
         return any(surface.model == "HAPKE" for surface in used)
     if topic not in ("hills", "arm") and TOPICS[topic].parent != LANDFORMS:
         return True
-    return any(is_shown(topic, setting.key, root) for setting in TOPICS[topic].settings)
+    return bool(find_fields(root, topic, tuple(setting.key for setting in TOPICS[topic].settings)))
 
 
 class _SectionPanel(Sidebar):
@@ -53,7 +53,7 @@ class _SectionPanel(Sidebar):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return any(is_shown(cls.section.topic, key, context.scene.icymoon) for key in cls.section.settings)
+        return bool(find_fields(context.scene.icymoon, cls.section.topic, cls.section.settings))
 
     def draw(self, context: bpy.types.Context) -> None:
         root = context.scene.icymoon

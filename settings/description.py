@@ -14,6 +14,7 @@ import math
 import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,13 @@ def _number(value: float) -> float:
 def _single(value: Any) -> float:
     """A number rounded to single precision and its shortest spelling; infinite if it is too large."""
     number = float(value)
+    # A cache would confuse 0 and -0.
+    return _rounded(number) if number else number
+
+
+@lru_cache(maxsize=4096)
+def _rounded(number: float) -> float:
+    """``_single`` of a number other than 0; kept, since the window reads all settings at every redraw."""
     # numpy would warn of infinity, and np.errstate takes longer than everything else here.
     return math.copysign(math.inf, number) if abs(number) >= _INFINITE else float(str(np.float32(number)))
 

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
+import bpy
 import icymoon.scene_properties as properties
 import pytest
 from icymoon.operators import sidebar_text
@@ -52,8 +53,26 @@ def test_settings_are_read_once_a_redraw_and_again_after_every_change(scene, mon
         group.terrain.size_m = 8.0
         assert properties.read_for_display(group).terrain.size_m == 8.0
     before = properties.read_for_display(group)
-    clock[0] += 1.0  # undo changes properties without announcing it
-    assert properties.read_for_display(group) is not before
+    clock[0] += 1.0
+    assert properties.read_for_display(group) is before
+    clock[0] += 1.0
+    undone = properties.read_unchecked(group)
+    undone.terrain.size_m = 7.0  # animation and undo change properties without announcing it
+    monkeypatch.setattr(properties, "read_unchecked", lambda group: undone)
+    assert properties.read_for_display(group).terrain.size_m == 7.0
+
+
+def test_undo_is_displayed_however_soon_it_comes_after_a_redraw(scene, monkeypatch):
+    undone = properties.read_unchecked(scene.icymoon)
+    undone.terrain.size_m = 7.0
+    monkeypatch.setattr(properties.time, "monotonic", lambda: 0.0)
+    before = properties.read_for_display(scene.icymoon)
+    monkeypatch.setattr(properties, "read_unchecked", lambda group: undone)
+    assert properties.read_for_display(scene.icymoon) is before
+    for handlers in (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post):
+        assert properties._forget_displayed in handlers
+    properties._forget_displayed()
+    assert properties.read_for_display(scene.icymoon).terrain.size_m == 7.0
 
 
 @pytest.mark.parametrize(("region", "scale", "longest"), [
