@@ -417,7 +417,7 @@ EXCAVATION = Topic("excavation", "Excavation", "A trench that a scoop digs, and 
     Setting("bulking", "Bulking", 1.4, "Volume of spoil over the volume that it had in the ground: the ratio of both "
             "densities", "geometry", "1", 1.0, 3.0, (1.0, 2.0)),
     Setting("gravity_m_s2", "Gravity (m/s²)", 0.0, "Gravity, which decides whether walls stand; 0 for that of the moon",
-            "geometry", "m/s²", 0.0, 100.0, (0.0, 2.0)),
+            "geometry", "m/s²", 0.0, 100.0, (0.0, 2.0), zero="the moon's"),
     _metres("chips_m", "Chipped Rims", 0.005, 0.0, 0.1, (0.0, 0.02), "Largest chip that breaks off the rims of walls "
             "that stand", "geometry"),
     _fraction("heaped_share", "Heaped Share", 1.0, "Share of what is dug that is heaped beside the trench. The scoop "

@@ -10,6 +10,7 @@ import pytest
 from icymoon.operators import jobs, sidebar_text
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import fields
+from icymoon.panels.relevance import is_shown
 from icymoon.panels.sidebar import ICYMOON_PT_evaluation, ICYMOON_PT_main, ICYMOON_PT_plan
 from icymoon.settings.table import TOPICS, all_settings
 from panel_drawing import Layout, drawn
@@ -17,7 +18,7 @@ from stand_ins import stand_in
 
 #: Operators that start a job.
 STARTING = {f"icymoon.{name}" for name in ("render_pair", "evaluate", "evaluate_folder", "render_dataset",
-                                              "render_variations", "show_ends")}
+                                              "render_variations", "show_ends", "decide")}
 
 
 @pytest.fixture
@@ -47,7 +48,8 @@ def test_the_same_texts_are_there_while_a_job_runs_but_start_nothing(request):
 def test_the_texts_are_the_operators_own_where_there_is_one_button():
     for name in STARTING - {"icymoon.evaluate", "icymoon.evaluate_folder"}:
         label = getattr(bpy.ops.icymoon, name.partition(".")[2]).get_rna_type().name
-        assert (name, label) in buttons(ICYMOON_PT_main, ICYMOON_PT_plan, bpy.types.ICYMOON_PT_vary)
+        assert (name, label) in buttons(ICYMOON_PT_main, ICYMOON_PT_evaluation, ICYMOON_PT_plan,
+                                        bpy.types.ICYMOON_PT_vary)
 
 
 def test_a_button_gets_its_properties():
@@ -143,3 +145,13 @@ def test_a_running_job_has_one_bar_in_the_sidebar(request):
     bars = [name for name in dir(bpy.types) if name.startswith("ICYMOON_PT_")
             for entry in drawn(getattr(bpy.types, name)) if entry[0] == "progress"]
     assert bars == ["ICYMOON_PT_main"]
+
+
+def test_fields_are_found_once_for_the_same_settings_and_anew_after_a_change(scene):
+    keys = ("model", "albedo", "roughness")
+    found = fields.find_fields(scene.icymoon, "surface", keys)
+    assert fields.find_fields(scene.icymoon, "surface", keys) is found
+    for model in ("LAMBERT", "HAPKE", "PRINCIPLED"):
+        scene.icymoon.surface.model = model
+        shown = [each.setting.key for each in fields.find_fields(scene.icymoon, "surface", keys)]
+        assert shown == [key for key in keys if is_shown("surface", key, scene.icymoon)]
