@@ -21,13 +21,14 @@ from . import first_picture, refine, view_resolution
 from .build import frame_and_expose
 from .coloured_views import give_back_views
 from .jobs import push_undo
-from .sidebar_text import plain
+from .sidebar_text import plain, sky_fault
 
 #: Seconds that an update of the ground may take: this allows ten updates a second and leaves time to draw them.
 BUDGET_S = 0.08
 #: Vertices per side of the previewed ground.
 SIDES: tuple[int, ...] = (129, 193, 257)
 _SHOWN = {"geometry", "material", "light", "lander", "camera"}
+_NO_SKY = "The light is as before: see Light"  # the panel that tells why
 _side = SIDES[1]
 _waiting: set[str] = set()  # names of scenes with changes that the timer will show
 
@@ -109,7 +110,8 @@ def lines(scene: bpy.types.Scene) -> list[str]:
         return []
     follows = refine.note(scene)
     sentences = [follows] if follows else preview.notes(scene) or ["Shown at full resolution"]
-    return [plain(sentence) for sentence in sentences]
+    fault = sky_fault(scene_properties.read_for_display(scene.icymoon).light)
+    return [_NO_SKY if sentence == fault else plain(sentence) for sentence in sentences]
 
 
 def register() -> None:

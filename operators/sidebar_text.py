@@ -118,8 +118,17 @@ def left_out_lines(settings: Settings) -> tuple[str, ...]:
 
 
 def sky_lines(light: LightSettings) -> tuple[str, ...]:
-    """Elevation, azimuth, apparent size and irradiance of Sun and planet, or why the sky cannot be computed."""
+    """Elevation, azimuth, apparent size and irradiance of Sun and planet; none if the sky cannot be computed."""
     return _sky_lines(tuple(light.items()), bpy.data.filepath)
+
+
+def sky_fault(light: LightSettings) -> str:
+    """Why the sky cannot be computed, in a sentence; empty if it can."""
+    try:
+        _facts(tuple(light.items()), bpy.data.filepath)
+    except IcyMoonError as error:
+        return str(error)
+    return ""
 
 
 def rig_lines(rig: RigSettings) -> tuple[str, ...]:
@@ -192,8 +201,8 @@ def _facts(light: tuple[tuple[str, Any], ...], blend: str) -> dict[str, Any]:
 def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...]:
     try:
         found = _facts(light, blend)
-    except IcyMoonError as error:
-        return (plain(str(error)),)
+    except IcyMoonError:
+        return ()
     lines = []
     for name, body in (("Sun", found["sun"]), ("Planet", found["planet"])):
         if body is not None:

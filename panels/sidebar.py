@@ -177,6 +177,10 @@ class ICYMOON_PT_sky(Sidebar, bpy.types.Panel):
     page = manual.page_of_topic("light")
     bl_parent_id = "ICYMOON_PT_light"
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(sidebar_text.sky_lines(scene_properties.read_for_display(context.scene.icymoon).light))
+
     def draw(self, context: bpy.types.Context) -> None:
         draw_lines(self.layout, sidebar_text.sky_lines(scene_properties.read_for_display(context.scene.icymoon).light))
 

@@ -66,6 +66,12 @@ def _moons() -> list[tuple[str, str, object]]:
     return [(name, preset_header(name)[0], load(preset_path(name)).light.body) for name in preset_names("bodies")]
 
 
+def _draw_sky_fault(layout: Any, context: bpy.types.Context) -> None:
+    """Why the sky cannot be computed, below the fields that determine it."""
+    if fault := sidebar_text.sky_fault(scene_properties.read_for_display(context.scene.icymoon).light):
+        draw_sentence(layout, fault, "ERROR")
+
+
 def _draw_expose(layout: Any, context: bpy.types.Context) -> None:
     layout.operator("icymoon.expose", icon="IMAGE_DATA")
     layout.prop(context.scene.icymoon, "follow")
@@ -142,7 +148,8 @@ def _draw_albedos(layout: Any, surface: SurfaceSettings, hapke: HapkeSettings) -
 #: Functions that draw above and below the settings, by topic.
 BEFORE: dict[str, Extra] = {"source": _draw_import, "terrain": _draw_seed, "light": _draw_moons,
                             "sensor": _draw_expose, "quality": _draw_qualities}
-AFTER: dict[str, Extra] = {"terrain": _draw_roughness, "source": _make_stand_in_note(MeshItem),
-                           "textures": _make_stand_in_note(TextureItem), "surface": _make_surface_extra("surface"),
+AFTER: dict[str, Extra] = {"terrain": _draw_roughness, "light": _draw_sky_fault,
+                           "source": _make_stand_in_note(MeshItem), "textures": _make_stand_in_note(TextureItem),
+                           "surface": _make_surface_extra("surface"),
                            "rock_surface": _make_surface_extra("rock_surface"), "hapke": _draw_hapke,
                            "rig": _draw_camera_notes}

@@ -211,6 +211,23 @@ def test_switched_off_the_panel_says_that_settings_have_changed(watched):
     assert preview.notes(watched) == []
 
 
+def test_kernels_that_are_missing_are_told_once_at_their_field(watched):
+    before = state(scenes.find(watched))
+    built = change(watched, "light.directions_from", "KERNELS")
+    assert state(built) == before
+    panels = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("ICYMOON_PT_")]
+    telling = [panel.bl_idname for panel in panels if "Kernels is empty" in texts(drawn(panel))]
+    assert telling == ["ICYMOON_PT_light"]
+    shown = drawn(bpy.types.ICYMOON_PT_light)
+    field = next(k for k, entry in enumerate(shown) if entry[:2] == ("prop", "icymoon.light.kernels"))
+    assert "Kernels is empty" in texts(shown[field + 1:])
+    assert live_preview.lines(watched) == ["The light is as before: see Light"]
+    assert drawn(bpy.types.ICYMOON_PT_sky) == []
+    change(watched, "light.directions_from", "ANGLES")
+    assert "empty" not in texts(drawn(bpy.types.ICYMOON_PT_light))
+    assert drawn(bpy.types.ICYMOON_PT_sky) != []
+
+
 def test_settings_out_of_sense_are_a_sentence_and_keep_the_picture(watched):
     assert len(live_preview.lines(watched)) == 1
     change(watched, "terrain.rms_slope_deg", 20.0)

@@ -261,7 +261,10 @@ def test_the_panel_says_what_is_in_the_sky_and_what_the_camera_resolves():
     text = "\n".join(sidebar_text.sky_lines(light))
     assert "Sun 20.00° high, azimuth 60.00°\n    0.0556° wide\n    14.8 W/m², 5.07 on flat ground" in text
     assert "Planet 50.00° high, azimuth 20.00°\n    29.3° wide, phase" in text
-    assert "Light > Date" in sidebar_text.sky_lines(light | {"directions_from": "DATE", "date_utc": "soon"})[0]
+    assert not sidebar_text.sky_fault(light)
+    undated = light | {"directions_from": "DATE", "date_utc": "soon"}
+    assert "light.date_utc" in sidebar_text.sky_fault(undated)
+    assert sidebar_text.sky_lines(undated) == ()
     assert max(map(len, sidebar_text.sky_lines(light))) <= 40
     rig = complete().rig | {"width_px": 640, "height_px": 480}
     lines = sidebar_text.rig_lines(rig)
