@@ -97,20 +97,15 @@ def paint(scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], ti
     full colour. Raises IcyMoonError before any change if no vertex shows an error.
     """
     mesh, places = built.terrain.data, [np.empty((0, 2))] * len(found)
-    ground = _look(found, _world(built.terrain.matrix_world, _corners(mesh)), _edges(mesh), places)
+    ground = _look(found, to_world(built.terrain.matrix_world, corners_of(mesh)), _edges(mesh), places)
     instances = _rock_instances(built)
     rocks = list(_seen_rocks(instances, found, places))
     if not sum(map(len, places)):
         raise IcyMoonError("No vertex of the ground shows an error: its triangles are too wide, or it is not the "
                            "ground of the pair; press Build Scene, or raise terrain.resolution.")
-    clear(scene)
-    collection = bpy.data.collections.new(NAME)
-    collection[TAG] = ROLE
-    collection[_BEFORE] = [mesh.attributes.active_color_name or "", mesh.attributes.default_color_name or ""]
+    collection = begin(scene, mesh, NAME)
     counts = [count_pixels(errors, at) for errors, at in zip(found, places, strict=True)]
     collection[_COUNTS] = {key: sum(count[key] for count in counts) for key in counts[0]} | {"title": title}
-    collection.hide_render = True
-    scene.collection.children.link(collection)
     _fill(mesh, ground, full_m)
     for shape in instances:  # dark, as what is not seen; the copies hide them where something is seen
         n = len(shape.data.vertices)
@@ -121,10 +116,22 @@ def paint(scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], ti
     return collection
 
 
+def begin(scene: bpy.types.Scene, mesh: bpy.types.Mesh, name: str) -> bpy.types.Collection:
+    """A new collection, not rendered, for what is painted on a mesh, in place of what was painted before."""
+    clear(scene)
+    collection = bpy.data.collections.new(name)
+    collection[TAG] = ROLE
+    collection[_BEFORE] = [mesh.attributes.active_color_name or "", mesh.attributes.default_color_name or ""]
+    collection.hide_render = True
+    scene.collection.children.link(collection)
+    return collection
+
+
 def recolour(scene: bpy.types.Scene, full_m: float) -> None:
     """Let errors of ``full_m`` metres and more have the full colour."""
     for mesh in _painted_meshes(scene):
-        _colour(mesh, full_m)
+        if ERROR_M in mesh.attributes:  # decisions have colours of their own
+            _colour(mesh, full_m)
 
 
 def find(scene: bpy.types.Scene) -> bpy.types.Collection | None:
@@ -133,7 +140,7 @@ def find(scene: bpy.types.Scene) -> bpy.types.Collection | None:
 
 
 def clear(scene: bpy.types.Scene) -> bool:
-    """Remove everything that ``paint`` made in a scene; whether there was anything."""
+    """Remove everything that was painted in a scene, decisions too; whether there was anything."""
     collections = [c for c in scene.collection.children if c.get(TAG) == ROLE]
     before: Any = collections[0].get(_BEFORE) if collections else None
     for mesh in _painted_meshes(scene):
@@ -145,7 +152,7 @@ def clear(scene: bpy.types.Scene) -> bool:
                 setattr(mesh.attributes, key, name)
     for collection in collections:
         items = [item for item in collection.objects if item.get(TAG) == ROLE]
-        meshes = {item.data for item in items}
+        meshes = {item.data for item in items if item.data}
         materials = {material for each in meshes for material in each.materials if material}
         for other in [item for item in collection.objects if item not in items]:
             scene.collection.objects.link(other)  # the user's own
@@ -173,7 +180,7 @@ def _painted_meshes(scene: bpy.types.Scene) -> set[bpy.types.Mesh]:
             if item.type == "MESH" and COLOUR in item.data.attributes}
 
 
-def _corners(mesh: bpy.types.Mesh) -> np.ndarray:
+def corners_of(mesh: bpy.types.Mesh) -> np.ndarray:
     return read_property(mesh.vertices, "co", width=3).reshape(-1, 3).astype(np.float64)
 
 
@@ -181,7 +188,7 @@ def _edges(mesh: bpy.types.Mesh) -> np.ndarray:
     return read_property(mesh.edges, "vertices", np.int32, 2).reshape(-1, 2)
 
 
-def _world(matrix: Any, position: np.ndarray) -> np.ndarray:
+def to_world(matrix: Any, position: np.ndarray) -> np.ndarray:
     whole = np.array(matrix, np.float64)
     return np.asarray(position @ whole[:3, :3].T + whole[:3, 3])
 
@@ -217,7 +224,7 @@ def _seen_rocks(instances: Mapping[bpy.types.Object, np.ndarray], found: Sequenc
     for shape, matrices in instances.items():
         mesh = shape.data
         mesh.calc_loop_triangles()
-        whole = _corners(mesh), read_property(mesh.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
+        whole = corners_of(mesh), read_property(mesh.loop_triangles, "vertices", np.int32, 3).reshape(-1, 3)
         divisions = _divisions(found, matrices, *whole)
         for times in np.unique(divisions):
             corners, faces = whole
@@ -285,12 +292,18 @@ def _link_rocks(collection: bpy.types.Collection, rocks: Sequence[tuple[np.ndarr
 
 def _fill(mesh: bpy.types.Mesh, shown: OnVertices, full_m: float) -> None:
     """Add the attributes to a mesh, and show their colours. What a render takes for the mesh's colours stays."""
-    rendered = mesh.attributes.default_color_name or ""
     mesh.attributes.new(ERROR_M, "FLOAT", "POINT").data.foreach_set("value", shown.error_m)
     mesh.attributes.new(KIND, "INT8", "POINT").data.foreach_set("value", shown.kind.astype(np.int8))
+    add_colours(mesh)
+    _colour(mesh, full_m)
+
+
+def add_colours(mesh: bpy.types.Mesh) -> bpy.types.Attribute:
+    """Add the colours of vertices to a mesh, and show them."""
+    rendered = mesh.attributes.default_color_name or ""
     mesh.color_attributes.new(COLOUR, "BYTE_COLOR", "POINT")
     mesh.attributes.active_color_name, mesh.attributes.default_color_name = COLOUR, rendered
-    _colour(mesh, full_m)
+    return mesh.attributes[COLOUR]
 
 
 def _colour(mesh: bpy.types.Mesh, full_m: float) -> None:

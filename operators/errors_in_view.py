@@ -79,21 +79,33 @@ def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, lis
     The pairs of the present settings, or else those of the same ground and cameras. Raises IcyMoonError if there are
     none.
     """
-    settings = scene_properties.read_settings(scene.icymoon)
     files = disparity_files(scene, method)
     if not files:
         raise IcyMoonError("This evaluation has no stored disparities; press Evaluate again.")
+    built = built_as_set(scene)
+    pairs = dataset_folder(scene_properties.read_settings(scene.icymoon)) / "pairs"
+    return built, [read_depth_errors(pairs / name, files[name]) for name in shown_pairs(scene, built, sorted(files))]
+
+
+def built_as_set(scene: bpy.types.Scene) -> scenes.Built:
+    """The built scene. Raises IcyMoonError if its ground or camera is not that of the present settings."""
     built = scenes.find(scene)
     if built is None or built.preview:
         raise IcyMoonError("The ground of the evaluated pair is not what is built now; press Build Scene first.")
     scenes.separate_copies(built)
+    settings = scene_properties.read_settings(scene.icymoon)
     if changed := [name for name in scenes.changed_settings(built, settings) if _of_ground_or_camera(name)]:
         raise IcyMoonError(f"{changed[0]} has changed since the scene was built; press Build Scene first.")
-    pairs = dataset_folder(settings) / "pairs"
-    found = [pair.id for pair in planned_pairs(scene, settings) if pair.id in files]
-    if not found:
-        found = _find_same_views(built, int(settings.dataset.headings), [pairs / name for name in sorted(files)])
-    return built, [read_depth_errors(pairs / name, files[name]) for name in found]
+    return built
+
+
+def shown_pairs(scene: bpy.types.Scene, built: scenes.Built, names: Sequence[str]) -> list[str]:
+    """Those of the pairs of these ids that show what is built: of the present settings, or else of the same ground and
+    cameras. Raises IcyMoonError, with the reason, if there are none."""
+    settings = scene_properties.read_settings(scene.icymoon)
+    found = [pair.id for pair in planned_pairs(scene, settings) if pair.id in names]
+    folder = dataset_folder(settings) / "pairs"
+    return found or _find_same_views(built, int(settings.dataset.headings), [folder / name for name in names])
 
 
 def _of_ground_or_camera(name: str) -> bool:

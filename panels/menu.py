@@ -112,6 +112,8 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator("icymoon.show_surface").method = ""
         layout.operator("icymoon.paint_errors").method = ""
         layout.operator("icymoon.hide_surface")
+        layout.operator("icymoon.paint_decisions").method = ""
+        layout.operator("icymoon.hide_decisions")
         layout.separator()
         layout.operator("icymoon.check_evaluator")
         if can_install_evaluator():

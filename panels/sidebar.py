@@ -9,7 +9,6 @@ import bpy
 from .. import scene_properties
 from ..nodes import measured_surface, painted_errors
 from ..operators import (
-    coloured_views,
     dataset,
     first_picture,
     ground,
@@ -28,6 +27,7 @@ from ..settings.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
 from ..stereo.matchers.methods import names_method
 from . import previews
+from .decision_maps import draw_decisions
 from .error_table import draw_errors
 from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 from .pair_views import draw_pair
@@ -131,10 +131,11 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         buttons = layout.column(align=True)
         buttons.operator("icymoon.open_report", icon="URL")
         buttons.operator("icymoon.hide_surface", icon="X")
-        if coloured_views.is_shown(context.scene):
+        meanings = (*painted_errors.legend(context.scene), *measured_surface.legend(context.scene))
+        if meanings:
             layout.prop(context.scene.icymoon, "error_range_m", slider=True)
         column = layout.column(align=True)
-        for meaning, icon in (*painted_errors.legend(context.scene), *measured_surface.legend(context.scene)):
+        for meaning, icon in meanings:
             draw_sentence(column, meaning, icon)
         for sentence in results.limits(context.scene):
             draw_sentence(layout, sentence, "INFO")
@@ -167,6 +168,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
         draw_start(column, "icymoon.evaluate_folder", "Evaluate Other Pairs…", "FILE_FOLDER")
         draw_start(column, "icymoon.decide", "Decide Where to Dig", "VIEWZOOM")
         column.operator("icymoon.open_report", icon="URL")
+        draw_decisions(self.layout, context.scene)
 
 
 class ICYMOON_PT_sky(Sidebar, bpy.types.Panel):

@@ -27,6 +27,7 @@ from .decisions.progress import find_progress, series_of
 from .decisions.reach import has_arm
 from .decisions.report import OPENINGS, write_decisions
 from .decisions.rules import Rules
+from .decisions.stored_maps import TRUE_DEPTH
 from .decisions.workspace import Maps, Workspace, compare, decide, disturb, open_workspace, toward_sun
 from .evaluate import digest_of, method_inputs
 from .images.image_files import write_bytes, write_png
@@ -41,12 +42,10 @@ from .sources import Source, check_response, find_sources
 
 Event = Callable[[dict[str, Any]], None]
 
-#: Version of the decisions: increased when the same input gives other numbers.
-DECISIONS = 1
+#: Version of the decisions: increased when the same input gives other numbers or files.
+DECISIONS = 2
 #: Pairs in which nothing was dug that are made of the first state of a series, by other noise of the sensor.
 NULL_PAIRS = 8
-#: The row of the truth's own depth: what the rules, the cells and unseen ground alone cost.
-TRUE_DEPTH = "true depth"
 _LOG = "decisions.jsonl"
 _ROW: dict[str, Shape] = {"status": TEXT, "error": TEXT, "numbers": Maybe(TABLE, null=True), "images": Each(TEXT, TEXT)}
 _FACTS = {"pair": FILE_NAME, "scene": TEXT, "key": TEXT, "images": Each(TEXT, TEXT), "sun_elevation_deg": NUMBER}
@@ -80,8 +79,9 @@ def decide_pairs(paths: Sequence[Path], methods: Sequence[Method], out: Path, ru
     """Measure decisions on all pairs at ``paths`` by all methods and by the true depth; return ``decisions.json``.
 
     Writes to ``out``: ``decisions.jsonl`` (each row at once), then ``decisions.csv``, ``decisions.json`` and
-    ``decisions.html``; for each pair, in ``pairs/<pair>/``, the elevation models as GeoTIFF and npy, suitability maps
-    as npy, and pictures. ``cell_m``: see ``workspace.open_workspace``. ``on_event``: see ``evaluate``.
+    ``decisions.html``; for each pair, in ``pairs/<pair>/``, the elevation models as GeoTIFF and npy, maps of
+    suitability, slope and reach as npy, and pictures. ``cell_m``: see ``workspace.open_workspace``. ``on_event``: see
+    ``evaluate``.
 
     Raises IcyMoonError if there is no pair, or if ``out`` contains files that this did not write.
     """
@@ -235,10 +235,11 @@ def _write_maps(workspace: Workspace, found: Maps, numbers: Mapping[str, Any], o
         write_png(folder / f"{name}_{kind}.png",
                   pictures.with_ring(picture, chosen, found.dem.height_m.shape, site.disc_m, grid.cell_m))
     write_bytes(folder / f"{name}_dem.tif", found.dem.geotiff())
-    for kind, values in (("dem", found.dem.height_m), ("suitability", found.sites.margin), ("pads", found.pads)):
+    for kind, values in (("dem", found.dem.height_m), ("suitability", found.sites.margin),
+                         ("slope", found.sites.layers.slope_deg), ("pads", found.pads)):
         write_bytes(folder / f"{name}_{kind}.npy", _npy(values))
     files = {kind: f"{name}_{kind}.png" for kind in drawn} | {"tif": f"{name}_dem.tif"} | {
-        kind: f"{name}_{kind}.npy" for kind in ("dem", "suitability", "pads")}
+        kind: f"{name}_{kind}.npy" for kind in ("dem", "suitability", "slope", "pads")}
     return {kind: (folder / file).relative_to(out).as_posix() for kind, file in files.items()}
 
 
@@ -258,8 +259,9 @@ def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
     write_bytes(folder / "truth_dem.tif", truth.dem.geotiff())
     write_bytes(folder / "truth_dem.npy", _npy(truth.dem.height_m))
     write_bytes(folder / "truth_suitability.npy", _npy(truth.sites.margin))
+    write_bytes(folder / "reach.npy", _npy(workspace.reached))
     files = {"left": "left.png", "truth": "truth_sites.png", "truth_tif": "truth_dem.tif", "truth_dem": "truth_dem.npy",
-             "truth_suitability": "truth_suitability.npy"}
+             "truth_suitability": "truth_suitability.npy", "reach": "reach.npy"}
     grid, up = workspace.grid, float(toward_sun(workspace.pair)[2])
     write_json(folder / "decisions.json", {
         "pair": name, "scene": series_of(prepared.facts["settings"]), "key": key, "exact": workspace.exact,

@@ -15,7 +15,8 @@ SOUGHT = {"Render Stereo Pair": "icymoon.render_pair", "Evaluate Stereo": "icymo
           "Load Preset": "icymoon.load_preset", "Live Preview": "icymoon.live", "Build Scene": "icymoon.build_scene",
           "Vary": "icymoon.vary", "Anaglyph": "icymoon.show_pair", "Evaluation Report": "icymoon.open_report",
           "Measured Surface": "icymoon.show_surface", "Install Evaluator": "icymoon.install_evaluator",
-          "Render Data Set": "icymoon.render_dataset", "Icy Terrain": "icymoon.add_terrain"}
+          "Render Data Set": "icymoon.render_dataset", "Icy Terrain": "icymoon.add_terrain",
+          "Decisions on Ground": "icymoon.paint_decisions"}
 
 
 def entries(record: list, path: str = "") -> list[tuple[str, str]]:

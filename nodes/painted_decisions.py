@@ -1,0 +1,112 @@
+"""What a lander would decide, shown on the ground: a map as colours of its vertices, the chosen site and the reach.
+
+It is painted as errors are: attributes that no render reads and that are no part of the ground's marks, and a
+collection that is not rendered, which ``painted_errors.clear`` removes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..stereo.decisions.map_colours import KINDS, colour_cells, count_cells
+from ..stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap, outlines
+from ..stereo.images.colours import SKY_GREY
+from .built_scene import Built
+from .datablocks.fingerprint import TAG, instanced_objects
+from .measured_surface import set_colours, shares
+from .painted_errors import ROLE, add_colours, begin, corners_of, find, to_world
+
+NAME = "Icy Moon Decisions"
+SITE, REACH = "Chosen Site", "Reach"
+#: The maps, as what a legend calls them.
+TITLES = {SUITABILITY: "Suitability", SLOPE: "Slope", HEIGHT_ERROR: "Height error"}
+_COUNTS = "icymoon_cells"  # custom property of the collection
+_ICONS = {"safe": "COLORSET_03_VEC", "unsafe": "COLORSET_02_VEC", "gentle": "COLORSET_03_VEC",
+          "steep": "COLORSET_09_VEC", "steeper": "COLORSET_01_VEC", "high": "COLORSET_01_VEC",
+          "low": "COLORSET_04_VEC", "right": "BLANK1", "unknown": "COLORSET_13_VEC"}
+#: How far marks lie above the ground, metres.
+_ABOVE_M = 0.01
+
+
+def paint(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -> bpy.types.Collection:
+    """Show a map on the ground of a built scene with its site and reach, in place of what was painted before.
+
+    Raises IcyMoonError before any change if no vertex of the ground is within the map.
+    """
+    mesh = built.terrain.data
+    cell = stored.grid.cells_of(to_world(built.terrain.matrix_world, corners_of(mesh)))
+    inside = cell >= 0
+    if not inside.any():
+        raise IcyMoonError("No vertex of the ground is within the workspace of these decisions; press Build Scene, or "
+                           "raise terrain.resolution.")
+    collection = begin(scene, mesh, NAME)
+    collection[_COUNTS] = {**count_cells(stored), "title": title, "map": stored.kind}
+    colours = np.full((len(cell), 3), SKY_GREY, np.uint8)
+    colours[inside] = colour_cells(stored).reshape(-1, 3)[cell[inside]]
+    set_colours(add_colours(mesh), colours)
+    for shape in _rock_meshes(built):  # dark: what is under them is not known from above
+        set_colours(add_colours(shape), np.full((len(shape.vertices), 3), SKY_GREY, np.uint8))
+    if stored.chosen is not None:
+        _link(collection, _site(stored, *stored.chosen))
+    if stored.reach is not None and stored.reach.any():
+        _link(collection, _reach(stored, stored.reach))
+    return collection
+
+
+def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
+    """The meaning of the colours, with the share of the workspace of each: (text, icon) of each line."""
+    collection = find(scene)
+    stored: Any = collection.get(_COUNTS) if collection else None
+    kind = stored.get("map") if hasattr(stored, "items") else None
+    if kind not in TITLES:
+        return ()
+    counts = {key: stored[key] for key in KINDS[kind] if isinstance(stored.get(key), int)}
+    return (*shares(f"{TITLES[kind]} by {stored.get('title')}", counts,
+                    {key: (text, _ICONS[key]) for key, text in KINDS[kind].items()}, max(1, sum(counts.values()))),
+            ("Rocks, and beyond the workspace, dark", "BLANK1"))
+
+
+def _rock_meshes(built: Built) -> set[bpy.types.Mesh]:
+    fields = [item for item in built.collection.all_objects if item.get(TAG) == "rock"]
+    return {shape.data for item in fields for shape in instanced_objects(item) if shape.type == "MESH"}
+
+
+def _link(collection: bpy.types.Collection, item: bpy.types.Object) -> None:
+    item[TAG] = ROLE
+    item.hide_render = item.show_in_front = True
+    collection.objects.link(item)
+
+
+def _site(stored: StoredMap, row: int, column: int) -> bpy.types.Object:
+    """A ring as large as the footprint of the site."""
+    item = bpy.data.objects.new(SITE, None)
+    item.empty_display_type, item.empty_display_size = "CIRCLE", stored.disc_m / 2
+    item.rotation_euler.x = math.pi / 2  # the ring of an empty stands upright
+    item.location = _on_ground(stored, np.array([[row + 0.5, column + 0.5]]))[0]
+    return item
+
+
+def _reach(stored: StoredMap, reach: np.ndarray) -> bpy.types.Object:
+    curve = bpy.data.curves.new(REACH, "CURVE")
+    curve.dimensions = "3D"
+    for way in outlines(reach):
+        spline = curve.splines.new("POLY")
+        spline.points.add(len(way) - 1)
+        spline.points.foreach_set("co", np.pad(_on_ground(stored, way), ((0, 0), (0, 1)),
+                                               constant_values=1.0).astype(np.float32).ravel())
+        spline.use_cyclic_u = True
+    return bpy.data.objects.new(REACH, curve)
+
+
+def _on_ground(stored: StoredMap, place: np.ndarray) -> np.ndarray:
+    """Positions (n, 3) just above the true ground of places (n, 2) in rows and columns from the outer corner."""
+    grid, height = stored.grid, stored.height_m
+    row, column = (np.clip(np.floor(place[:, axis]), 0, height.shape[axis] - 1).astype(np.intp) for axis in (0, 1))
+    level = float(np.nanmedian(height)) if np.isfinite(height).any() else 0.0
+    z = np.nan_to_num(height[row, column], nan=level) + _ABOVE_M
+    return np.stack([grid.west_m + place[:, 1] * grid.cell_m, grid.north_m - place[:, 0] * grid.cell_m, z], axis=1)

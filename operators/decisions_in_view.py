@@ -1,0 +1,102 @@
+"""Decisions in the 3D View: a map of what a lander would decide, on the ground, with the chosen site and the reach."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import bpy
+
+from .. import scene_properties
+from ..errors import IcyMoonError
+from ..nodes import painted_decisions, painted_errors
+from ..nodes.built_scene import Built
+from ..stereo.decisions import stored_maps
+from ..stereo.matchers.methods import describe_method
+from . import errors_in_view
+from .build import leave_edit_mode
+from .coloured_views import give_back_views, show_colours
+from .render import dataset_folder
+from .sidebar_text import in_window
+
+#: The maps, as the buttons call them.
+MAPS = ((stored_maps.SUITABILITY, "Suitability", "How far each place keeps the rules of a safe site"),
+        (stored_maps.SLOPE, "Slope", "Slope under the disc of a site, as the matcher measured it"),
+        (stored_maps.HEIGHT_ERROR, "Height Error", "Measured less true height"))
+
+
+def decided_methods(scene: bpy.types.Scene) -> list[str]:
+    """The matchers whose decisions on the data set can be shown, then the true depth; empty if there are none."""
+    try:
+        return stored_maps.methods_of(_folder(scene))
+    except IcyMoonError:
+        return []
+
+
+def _folder(scene: bpy.types.Scene) -> Path:
+    return dataset_folder(scene_properties.read_for_display(scene.icymoon)) / "decisions"
+
+
+class ICYMOON_OT_paint_decisions(bpy.types.Operator):
+    """Paint what a lander would decide on the ground, in Solid shading, with the chosen site and the arm's reach"""
+
+    bl_idname = "icymoon.paint_decisions"
+    bl_label = "Show Decisions on Ground"
+    bl_options = {"REGISTER", "UNDO"}
+
+    method: bpy.props.StringProperty(name="Matcher", description="Matcher of the decisions; empty for the first")  # type: ignore[valid-type]
+    map: bpy.props.EnumProperty(name="Map", items=MAPS, description="What the colours show")  # type: ignore[valid-type]
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        found = bool(decided_methods(context.scene))
+        if not found:
+            cls.poll_message_set("There are no decisions on this data set yet; press Decide Where to Dig")
+        return found
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        scene = context.scene
+        method = self.method or decided_methods(scene)[0]
+        leave_edit_mode()  # a mesh that is being edited has no attributes
+        try:
+            built, stored = _read_decisions(scene, method, self.map)
+            collection = painted_decisions.paint(scene, built, stored, describe_method(method))
+        except IcyMoonError as error:
+            self.report({"ERROR"}, in_window(error))
+            return {"CANCELLED"}
+        show_colours(context, list(collection.objects), solid=True)
+        site = "" if stored.chosen else "; no site is safe"
+        self.report({"INFO"}, f"Decisions by {describe_method(method)} shown on the ground{site}")
+        return {"FINISHED"}
+
+
+def _read_decisions(scene: bpy.types.Scene, method: str, kind: str) -> tuple[Built, stored_maps.StoredMap]:
+    """The built scene and a map of its pair. Raises IcyMoonError if there is none."""
+    folder = _folder(scene)
+    pairs = stored_maps.pairs_of(folder, method)
+    if not pairs:
+        raise IcyMoonError(f"There are no decisions by {describe_method(method)}; press Decide Where to Dig again.")
+    built = errors_in_view.built_as_set(scene)
+    return built, stored_maps.read_map(folder, errors_in_view.shown_pairs(scene, built, pairs)[0], method, kind)
+
+
+class ICYMOON_OT_hide_decisions(bpy.types.Operator):
+    """Remove the map, the chosen site and the reach, and give the view back as it was before"""
+
+    bl_idname = "icymoon.hide_decisions"
+    bl_label = "Remove Decisions"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        found = bool(painted_decisions.legend(context.scene))
+        if not found:
+            cls.poll_message_set("No decisions are shown")
+        return found
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        painted_errors.clear(context.scene)
+        give_back_views(context.scene)
+        return {"FINISHED"}
+
+
+CLASSES = (ICYMOON_OT_paint_decisions, ICYMOON_OT_hide_decisions)

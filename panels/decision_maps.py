@@ -1,0 +1,29 @@
+"""The buttons that show decisions on the ground: a line for each matcher, and the meaning of the colours."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+from ..nodes import painted_decisions
+from ..operators.decisions_in_view import MAPS, decided_methods
+from ..stereo.matchers.methods import describe_method
+from .fields import draw_sentence
+
+
+def draw_decisions(layout: Any, scene: bpy.types.Scene) -> None:
+    """Draw a button for each map of each matcher that has decisions, and what is shown; nothing without any."""
+    for method in decided_methods(scene):
+        box = layout.box().column(align=True)
+        box.label(text=describe_method(method))
+        buttons = box.row(align=True)
+        for kind, text, _ in MAPS:
+            button = buttons.operator("icymoon.paint_decisions", text=text)
+            button.method, button.map = method, kind
+    meanings = painted_decisions.legend(scene)
+    if meanings:
+        layout.operator("icymoon.hide_decisions", icon="X")
+        column = layout.column(align=True)
+        for meaning, icon in meanings:
+            draw_sentence(column, meaning, icon)

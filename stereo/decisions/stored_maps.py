@@ -1,0 +1,145 @@
+"""Reading the maps of decisions that ``icymoon decide`` wrote, for the window. Needs only numpy, which Blender has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...records import COUNT, FILE_NAME, FLAG, NUMBER, POSITIVE, TEXT, Each, Maybe, read_record
+from .dem import Grid
+
+#: What a map shows: the margin of a site, the slope under its disc, and how much too high the elevation model is.
+SUITABILITY, SLOPE, HEIGHT_ERROR = "SUITABILITY", "SLOPE", "HEIGHT_ERROR"
+#: The row of the truth's own depth: what the rules, the cells and unseen ground alone cost.
+TRUE_DEPTH = "true depth"
+_FIX = "press Decide Where to Dig again"
+_REPORT = {"rules": {"site": {"slope_deg": POSITIVE, "disc_m": POSITIVE}},
+           "rows": Each({"pair": FILE_NAME, "method": TEXT, "images": Each(TEXT, TEXT), "numbers": Maybe(
+               {"sites": {"chosen": Maybe(Each(COUNT), null=True)}}, null=True)})}
+_FACTS = {"arm": FLAG, "cell_m": POSITIVE, "rows": COUNT, "columns": COUNT, "origin_m": Each(NUMBER),
+          "images": Each(TEXT, TEXT)}
+#: Most bytes of ``decisions.json`` that a window reads, and most cells along a side, as ``icymoon decide`` makes them.
+_MOST_BYTES, _MOST_CELLS = 2**27, 4096
+
+
+@dataclass(frozen=True)
+class StoredMap:
+    """A map (rows, columns) of one matcher on one pair, NaN where it is not known, and what goes with it."""
+
+    kind: str  # SUITABILITY, SLOPE or HEIGHT_ERROR
+    grid: Grid
+    values: np.ndarray  # float64: a margin, minus infinity where something is not known; degrees; or metres
+    height_m: np.ndarray  # the true heights
+    reach: np.ndarray | None  # boolean: where the arm gets; None without an arm
+    chosen: tuple[int, int] | None  # row and column of the site that would be chosen
+    disc_m: float  # diameter of the footprint
+    slope_deg: float  # the slope that the rules allow
+
+
+def methods_of(folder: Path) -> list[str]:
+    """The labels of the matchers that a folder has decisions of, that of the true depth last; empty without any."""
+    try:
+        rows = _read_report(folder)["rows"]
+    except IcyMoonError:
+        return []
+    return sorted(dict.fromkeys(row["method"] for row in rows if row["images"]), key=TRUE_DEPTH.__eq__)
+
+
+def pairs_of(folder: Path, method: str) -> list[str]:
+    """The pairs that a matcher has decisions on. Raises IcyMoonError if these cannot be read."""
+    return [row["pair"] for row in _read_report(folder)["rows"] if row["method"] == method and row["images"]]
+
+
+def read_map(folder: Path, pair: str, method: str, kind: str) -> StoredMap:
+    """Read a map. Raises IcyMoonError if a file is missing, damaged or not of this map."""
+    report = _read_report(folder)
+    row = next((each for each in report["rows"] if (each["pair"], each["method"]) == (pair, method)), None)
+    path = folder / "pairs" / pair / "decisions.json"
+    try:
+        facts = read_record(path, _FACTS, _FIX)
+    except FileNotFoundError:
+        facts = None
+    if row is None or facts is None or row["numbers"] is None:
+        raise IcyMoonError(f"{folder} contains no decisions on pair {pair}; {_FIX}.")
+    grid, site = _grid_of(facts, path), report["rules"]["site"]
+    truth = _read_cells(folder, facts["images"], "truth_dem", grid)
+    reach = _read_cells(folder, facts["images"], "reach", grid) > 0 if facts["arm"] else None
+    return StoredMap(kind, grid, _values(folder, row["images"], kind, grid, truth), truth, reach,
+                     _place(row["numbers"]["sites"].get("chosen"), grid), site["disc_m"], site["slope_deg"])
+
+
+def _read_report(folder: Path) -> dict[str, Any]:
+    path = folder / "decisions.json"
+    try:
+        facts = path.stat()
+    except OSError:
+        raise IcyMoonError(f"There are no decisions in {folder}; {_FIX}.") from None
+    if facts.st_size > _MOST_BYTES:
+        raise IcyMoonError(f"{path} is larger than {_MOST_BYTES >> 20} MiB; decide on fewer pairs.")
+    return _read_once(path, facts.st_mtime_ns)
+
+
+@lru_cache(maxsize=4)
+def _read_once(path: Path, written_ns: int) -> dict[str, Any]:
+    return dict(read_record(path, _REPORT, _FIX))
+
+
+def _grid_of(facts: Mapping[str, Any], path: Path) -> Grid:
+    rows, columns = facts["rows"], facts["columns"]
+    if not (0 < rows <= _MOST_CELLS and 0 < columns <= _MOST_CELLS and len(facts["origin_m"]) == 2):
+        raise IcyMoonError(f"{path} states no map of at most {_MOST_CELLS} cells a side; {_FIX}.")
+    return Grid(float(facts["cell_m"]), rows, columns, *map(float, facts["origin_m"]))
+
+
+def _values(folder: Path, files: Mapping[str, str], kind: str, grid: Grid, truth: np.ndarray) -> np.ndarray:
+    if kind == HEIGHT_ERROR:
+        return np.asarray(_read_cells(folder, files, "dem", grid) - truth)
+    return _read_cells(folder, files, kind.lower(), grid)
+
+
+def _read_cells(folder: Path, files: Mapping[str, str], name: str, grid: Grid) -> np.ndarray:
+    """Numbers of all cells, float64. No header can make room for more than its file has."""
+    path = folder / files.get(name, "")
+    if name not in files or not path.resolve().is_relative_to(folder.resolve()):
+        raise IcyMoonError(f"The decisions in {folder} have no map of this kind; {_FIX}.")
+    try:
+        found = np.load(path, mmap_mode="r", allow_pickle=False)
+    except Exception as error:  # with a damaged header numpy may raise anything
+        raise IcyMoonError(f"{path} is missing or damaged ({error}); {_FIX}.") from None
+    if getattr(found, "shape", None) != (grid.rows, grid.columns) or found.dtype not in (np.float32, np.bool_):
+        raise IcyMoonError(f"{path} is no map of {grid.rows} x {grid.columns} cells; {_FIX}.")
+    return np.array(found, np.float64)
+
+
+def _place(chosen: list[int] | None, grid: Grid) -> tuple[int, int] | None:
+    fits = chosen is not None and len(chosen) == 2 and chosen[0] < grid.rows and chosen[1] < grid.columns
+    return (chosen[0], chosen[1]) if fits and chosen else None
+
+
+def outlines(cells: np.ndarray) -> list[np.ndarray]:
+    """The closed outlines of the true cells (rows, columns): corners (n, 2) of cells, row first, in the order in which
+    they follow; holes have outlines of their own."""
+    padded = np.pad(cells, 1)
+    inner = padded[1:-1, 1:-1]
+    after: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    # The neighbour that is not true, then both ends of the edge towards it, with the true cell to the right.
+    for other, start, end in ((padded[:-2, 1:-1], (0, 0), (0, 1)), (padded[1:-1, 2:], (0, 1), (1, 1)),
+                              (padded[2:, 1:-1], (1, 1), (1, 0)), (padded[1:-1, :-2], (1, 0), (0, 0))):
+        for row, column in np.argwhere(inner & ~other).tolist():
+            after.setdefault((row + start[0], column + start[1]), []).append((row + end[0], column + end[1]))
+    found = []
+    while after:  # as many edges lead to a corner as from it, so a way along them ends where it began
+        way = [next(iter(after))]
+        while len(way) == 1 or way[-1] != way[0]:
+            ends = after[way[-1]]
+            if len(ends) == 1:
+                del after[way[-1]]
+            way.append(ends.pop())
+        found.append(np.array(way[:-1]))
+    return found

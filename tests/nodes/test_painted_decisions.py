@@ -1,0 +1,165 @@
+"""Decisions shown on the ground: colours of the cells under the vertices, site and reach, and no trace afterwards."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import bpy
+import numpy as np
+import pytest
+from icymoon import scene_properties
+from icymoon.errors import IcyMoonError
+from icymoon.nodes import painted_decisions, painted_errors
+from icymoon.nodes.datablocks.array_marks import read_property
+from icymoon.nodes.datablocks.fingerprint import instanced_objects, parts
+from icymoon.render.plans.planned_pair import expand_headings
+from icymoon.render.worker import render_pairs
+from icymoon.stereo.decide import decide_pairs
+from icymoon.stereo.decisions.dem import Grid
+from icymoon.stereo.decisions.map_colours import colour_cells
+from icymoon.stereo.decisions.rules import read_rules
+from icymoon.stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap, read_map
+from icymoon.stereo.matchers.methods import parse_methods
+from rendering import render
+
+SCENE = {"rig": {"width_px": 160, "height_px": 120}, "terrain": {"resolution": 257, "size_m": 8.0},
+         "rocks": {"coverage": 0.1, "smallest_m": 0.2}}
+ROWS, COLUMNS, CELL_M = 20, 30, 0.1
+
+
+@pytest.fixture(scope="module")
+def shown(tmp_path_factory):
+    """A rendered pair and its scene."""
+    pair, built = render(tmp_path_factory.mktemp("decided"), SCENE)
+    scene_properties.write_settings(bpy.context.scene.icymoon, pair.settings)
+    bpy.context.scene.icymoon.dataset.folder = str(pair.folder.parent.parent)
+    return pair, built
+
+
+@pytest.fixture(autouse=True)
+def nothing_left():
+    """A failed test leaves nothing for the next."""
+    yield
+    painted_errors.clear(bpy.context.scene)
+
+
+def made(kind: str = SUITABILITY) -> StoredMap:
+    """A map of the middle of the ground, with a value of its own for each cell."""
+    values = np.linspace(-1, 1, ROWS * COLUMNS).reshape(ROWS, COLUMNS)
+    reach = np.zeros((ROWS, COLUMNS), bool)
+    reach[2:8, 5:25] = True
+    return StoredMap(kind, Grid(CELL_M, ROWS, COLUMNS, -1.5, 1.0), values, np.full((ROWS, COLUMNS), 0.2), reach,
+                     (3, 7), 0.3, 10.0)
+
+
+def colours(mesh) -> np.ndarray:
+    return np.rint(255 * read_property(mesh.attributes[painted_errors.COLOUR].data, "color_srgb", width=4).reshape(
+        -1, 4)[:, :3])
+
+
+def blocks() -> list[int]:
+    return [len(data) for data in (bpy.data.objects, bpy.data.meshes, bpy.data.curves, bpy.data.materials,
+                                   bpy.data.collections)]
+
+
+def test_vertices_have_the_colours_of_their_cells(shown):
+    _, built = shown
+    stored = made()
+    painted_decisions.paint(bpy.context.scene, built, stored, "bm")
+    x, y, _ = read_property(built.terrain.data.vertices, "co", width=3).reshape(-1, 3).astype(np.float64).T
+    within = (np.abs(x) < 1.49) & (np.abs(y) < 0.99)
+    assert within.sum() > 1000
+    row, column = ((1.0 - y) // CELL_M).astype(int), ((x + 1.5) // CELL_M).astype(int)
+    clear = within & (np.abs((x + 1.5) / CELL_M % 1 - 0.5) < 0.49) & (np.abs((1.0 - y) / CELL_M % 1 - 0.5) < 0.49)
+    painted = colours(built.terrain.data)
+    np.testing.assert_array_equal(painted[clear], colour_cells(stored)[row[clear], column[clear]])
+    assert (painted[(np.abs(x) > 1.51) | (np.abs(y) > 1.01)] == 60).all()
+    (field,) = (item for item in built.collection.all_objects if item.get("icymoon") == "rock")
+    for shape in instanced_objects(field):
+        assert (colours(shape.data) == 60).all()
+
+
+def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
+    _, built = shown
+    site, reach = sorted(painted_decisions.paint(bpy.context.scene, built, made(), "bm").objects,
+                         key=lambda item: item.name)
+    assert (site.name, reach.name) == ("Chosen Site", "Reach")
+    np.testing.assert_allclose(site.location, (-1.5 + 7.5 * CELL_M, 1.0 - 3.5 * CELL_M, 0.21), atol=1e-6)
+    assert (site.type, site.empty_display_type) == ("EMPTY", "CIRCLE")
+    assert site.empty_display_size == pytest.approx(0.15)
+    bpy.context.view_layer.update()
+    assert abs(site.matrix_world.to_3x3().col[1].z) == pytest.approx(1)  # the ring of an empty has this normal
+    (way,) = reach.data.splines
+    place = np.array([point.co[:3] for point in way.points])
+    assert way.use_cyclic_u
+    np.testing.assert_allclose(place.min(axis=0)[:2], (-1.5 + 5 * CELL_M, 1.0 - 8 * CELL_M), atol=1e-6)
+    np.testing.assert_allclose(place.max(axis=0)[:2], (-1.5 + 25 * CELL_M, 1.0 - 2 * CELL_M), atol=1e-6)
+    assert site.hide_render
+    assert reach.hide_render
+    none = painted_decisions.paint(bpy.context.scene, built, replace(made(), chosen=None, reach=None), "bm")
+    assert not none.objects
+    assert "Reach" not in bpy.data.curves
+
+
+@pytest.mark.heavy
+def test_nothing_that_is_rendered_or_identified_changes(shown, tmp_path):
+    pair, built = shown
+    scene, mesh = bpy.context.scene, built.terrain.data
+    there = blocks()
+    before = parts(built.collection), built.extra, set(mesh.attributes.keys()), mesh.attributes.default_color_name
+    painted_decisions.paint(scene, built, made(), "bm")
+    assert (parts(built.collection), built.extra) == before[:2]
+    assert not built.edited
+    (planned,) = expand_headings(pair.settings, built.extra)
+    assert planned.id == pair.id
+    render_pairs(built, [planned], tmp_path, 1, 0.0, lambda *a, **k: None)
+    assert painted_errors.find(scene) is None  # a material of the user's could read it
+    assert set(mesh.attributes.keys()) == before[2]
+    assert mesh.attributes.default_color_name == before[3]
+    assert blocks() == there
+
+
+def test_a_ground_elsewhere_is_refused_and_what_is_shown_stays(shown):
+    _, built = shown
+    painted_decisions.paint(bpy.context.scene, built, made(), "first")
+    with pytest.raises(IcyMoonError, match="No vertex of the ground"):
+        painted_decisions.paint(bpy.context.scene, built, replace(made(), grid=Grid(CELL_M, ROWS, COLUMNS, 99.0, 0.0)),
+                                "second")
+    assert painted_decisions.legend(bpy.context.scene)[0][0] == "Suitability by first"
+    painted_errors.clear(bpy.context.scene)
+    assert painted_decisions.legend(bpy.context.scene) == ()
+
+
+@pytest.mark.heavy
+def test_from_a_pair_to_the_button(shown):
+    """Decisions on the rendered pair, each map by its button, in place of each other, and removed without a trace."""
+    pair, built = shown
+    scene, folder = bpy.context.scene, pair.folder.parent.parent / "decisions"
+    assert not bpy.ops.icymoon.paint_decisions.poll()
+    decide_pairs([pair.folder], parse_methods("bm"), folder, read_rules(), cell_m=0.05)
+    there = blocks()
+    for kind, title in ((SUITABILITY, "Suitability"), (SLOPE, "Slope"), (HEIGHT_ERROR, "Height error")):
+        assert bpy.ops.icymoon.paint_decisions(method="bm", map=kind) == {"FINISHED"}
+        lines = painted_decisions.legend(scene)
+        assert lines[0][0] == f"{title} by StereoBM"
+        assert sum(float(text.rpartition(": ")[2].removesuffix(" %")) for text, _ in lines[1:-1]) == pytest.approx(
+            100, abs=0.2)
+        icons = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys()
+        assert {icon for _, icon in lines} <= set(icons)
+        assert painted_errors.legend(scene) == ()
+        scene.icymoon.error_range_m = 0.5  # these colours have no range
+        stored = read_map(folder, pair.id, "bm", kind)
+        seen = {tuple(colour) for colour in colours(built.terrain.data)}
+        assert len(seen & {tuple(colour) for colour in colour_cells(stored).reshape(-1, 3).astype(float)}) > 1
+    assert bpy.ops.icymoon.paint_decisions(method="true depth") == {"FINISHED"}
+    assert painted_decisions.legend(scene)[0][0] == "Suitability by true depth"
+    with pytest.raises(RuntimeError, match="no decisions by SGBM"):
+        bpy.ops.icymoon.paint_decisions(method="sgbm")
+    assert bpy.ops.icymoon.hide_decisions() == {"FINISHED"}
+    assert not bpy.ops.icymoon.hide_decisions.poll()
+    assert blocks() == there
+    was = scene.icymoon.terrain.rms_slope_deg
+    scene.icymoon.terrain.rms_slope_deg = was + 1
+    with pytest.raises(RuntimeError, match=r"terrain.rms_slope_deg has changed .* press Build Scene first"):
+        bpy.ops.icymoon.paint_decisions()
+    scene.icymoon.terrain.rms_slope_deg = was
