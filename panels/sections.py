@@ -30,8 +30,9 @@ INSIDE = {"source": "terrain", "excavation": "terrain", "hills": "terrain", "mes
 
 
 def _advanced(topic: str, *settings: str) -> Section:
-    # Blender indents what is inside a sub-panel no further, so the label tells it from that of the panel around.
-    label = f"Advanced {TOPICS[topic].label}" if topic in INSIDE else "Advanced"
+    # Blender indents what is inside a sub-panel no further, so the label tells it from that of the panel around, and
+    # from that of the panel inside which is above it.
+    label = f"Advanced {TOPICS[topic].label}" if topic in {*INSIDE, *INSIDE.values()} else "Advanced"
     return Section(topic, ADVANCED, label, "Settings that few scenes change", settings)
 
 

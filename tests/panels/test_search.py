@@ -16,7 +16,8 @@ SOUGHT = {"Render Stereo Pair": "icymoon.render_pair", "Evaluate Stereo": "icymo
           "Vary": "icymoon.vary", "Anaglyph": "icymoon.show_pair", "Evaluation Report": "icymoon.open_report",
           "Measured Surface": "icymoon.show_surface", "Install Evaluator": "icymoon.install_evaluator",
           "Render Data Set": "icymoon.render_dataset", "Icy Terrain": "icymoon.add_terrain",
-          "Decisions on Ground": "icymoon.paint_decisions"}
+          "Decisions on Ground": "icymoon.paint_decisions",
+          "Where to Dig": "icymoon.decide", "Lander": "icymoon.load_preset"}
 
 
 def entries(record: list, path: str = "") -> list[tuple[str, str]]:
