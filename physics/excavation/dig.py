@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -73,9 +74,18 @@ class Series:
         self._heap(layers, number, heaped_kg)
         solid = layers.ground.copy()
         sweeps = relax(layers, cell, self.excavation.friction_deg, self.excavation.bulking,
-                       None if stood else self.before_m)
+                       *(() if stood else (self.before_m, self._slides(number, lowest))))
         slid = float(np.maximum(solid - layers.ground, 0.0).sum()) * cell**2
         return State(layers, volume, mass, chipped, slid, mass + chips_kg - heaped_kg, stood, sweeps)
+
+    def _slides(self, number: int, lowest_m: float) -> np.ndarray:
+        """Where ground may slide: as far from the blade as a slope rises from the lowest floor on level ground.
+
+        On a slope near the angle of friction a slide would climb without end, over ground that stood before.
+        """
+        reach = lowest_m / math.tan(math.radians(self.excavation.friction_deg))
+        x, y = self.site.grid.east_m[None, :], self.site.grid.north_m[:, None]
+        return np.any([pull.beside(x, y)[0] <= reach for each in self.site.pulls[:number] for pull in each], axis=0)
 
     @property
     def plane(self) -> np.ndarray:

@@ -19,7 +19,7 @@ import numpy as np
 _STEPS = ((1, 0), (1, 1), (1, -1), (2, 1), (2, -1))
 _TURNED = ((1, 0), (2, 1), (2, -1))
 #: Sweeps end where less than this share of a cell moves between any two cells, which is tested every so many sweeps.
-_TOLERANCE, _EVERY, _MOST_SWEEPS = 0.03, 10, 2000
+_TOLERANCE, _EVERY, _MOST_SWEEPS = 0.03, 10, 400
 #: How often ground that slid is let grow at most; each time less of what moves is ground.
 _BULKINGS = 4
 #: Cells round what may move.
@@ -44,18 +44,20 @@ class Layers:
 
 
 def relax(layers: Layers, cell_m: float, repose_deg: float, bulking: float = 1.0,
-          stood_m: np.ndarray | None = None) -> int:
+          stood_m: np.ndarray | None = None, slides: np.ndarray | None = None) -> int:
     """Let spoil slide, in place; the number of sweeps. Cells at the rim slide inward only.
 
-    With ``stood_m``, the heights of the ground before it was dug, ground slides too. It becomes spoil, which takes
-    ``bulking`` times the volume. Two places of the ground may differ by as much as they did when it stood.
+    With ``stood_m``, the heights of the ground before it was dug, ground slides too, where ``slides`` (rows, columns)
+    is true, everywhere by default. It becomes spoil, which takes ``bulking`` times the volume. Two places of the ground
+    may differ by as much as they did when it stood.
     """
     if stood_m is None:
         return _settle(layers.top, layers.spoil, cell_m, repose_deg, None)
     sweeps = 0
     for _ in range(_BULKINGS):
         top = layers.top
-        sweeps += _settle(top, None, cell_m, repose_deg, stood_m)
+        loose = None if slides is None else np.where(slides, np.inf, layers.spoil)
+        sweeps += _settle(top, loose, cell_m, repose_deg, stood_m)
         grown = _book(layers, top - layers.top, bulking)
         if grown < _TOLERANCE * cell_m:
             break

@@ -106,3 +106,17 @@ def test_a_heap_has_its_volume_and_grows():
     assert (large - small).min() > -1e-6
     # Its volume is made exact, which makes it up to 3 % higher on cells of 5 mm.
     assert slopes_deg(large, 0.005).max() < REPOSE + 1.0
+
+
+def test_only_ground_that_may_slide_does_so_however_steep_the_rest_is():
+    # A slope steeper than friction, which stood: a cut at its foot would have all of it slide, sweep after sweep.
+    ground = np.repeat(1.5 * TANGENT * 0.005 * np.arange(120)[None, :], 8, axis=0)
+    dug = ground.copy()
+    dug[:, 20:30] -= 0.05
+    slides = np.zeros(ground.shape, bool)
+    slides[:, 12:38] = True
+    layers = Layers(dug.copy(), np.zeros_like(ground))
+    relax(layers, 0.005, REPOSE, 1.0, ground, slides)
+    np.testing.assert_array_equal(layers.ground[~slides], dug[~slides])
+    assert (layers.ground[slides] < dug[slides] - 1e-3).any()
+    assert layers.top.sum() == pytest.approx(dug.sum(), rel=1e-12)
