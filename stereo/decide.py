@@ -43,7 +43,7 @@ from .sources import Source, check_response, find_sources
 Event = Callable[[dict[str, Any]], None]
 
 #: Version of the decisions: increased when the same input gives other numbers or files.
-DECISIONS = 2
+DECISIONS = 3
 #: Pairs in which nothing was dug that are made of the first state of a series, by other noise of the sensor.
 NULL_PAIRS = 8
 _LOG = "decisions.jsonl"
@@ -170,7 +170,8 @@ def _failed(pair: str, label: str, key: str, message: str) -> Row:
 def _excavation(workspace: Workspace) -> dict[str, Any] | None:
     """What ``pair.json`` contains of an excavation, as far as progress needs it; None if there is none."""
     stated = workspace.pair.data.get("excavation")
-    return {key: stated[key] for key in ("state", "states", "taken_m3", "region_m")} if stated else None
+    wanted = ("state", "states", "change_in_region_by_state_m3", "region_m")
+    return {key: stated[key] for key in wanted} if stated else None
 
 
 def _null_pairs(source: Source, run: _Run, workspace: Workspace) -> list[Workspace]:

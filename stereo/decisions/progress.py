@@ -55,13 +55,18 @@ def _progress(states: Sequence[Mapping[str, Any]], label: str, rows: Sequence[Ma
         if before is None or row is None:
             continue
         change = _between(before, row, first, state, out)
-        true = float(state["excavation"]["taken_m3"]) - float(first["excavation"]["taken_m3"])
+        true = _left_region_m3(state) - _left_region_m3(first)
         steps.append({"pair": state["pair"], "state": int(state["excavation"]["state"]), "true_m3": true,
                       "found_m3": change and change.volume_m3, "error_m3": change and change.volume_m3 - true,
                       "depth_m": change and change.depth_m, "known": change and change.known})
     return {"pair": first["pair"], "method": label, "steps": steps, "bias_m3": noise and noise.bias_m3,
             "sigma_m3": noise and noise.sigma_m3, "smallest_m3": noise and noise.smallest_m3,
             "null_pairs": noise.pairs if noise else 0}
+
+
+def _left_region_m3(state: Mapping[str, Any]) -> float:
+    """By how much the volume under the surface of the region has fallen: not what was dug, as spoil slides in."""
+    return -float(state["excavation"]["change_in_region_by_state_m3"][-1])
 
 
 def _between(before: Mapping[str, Any], after: Mapping[str, Any], first: Mapping[str, Any], state: Mapping[str, Any],

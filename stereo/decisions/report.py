@@ -28,6 +28,7 @@ from . import pictures
 from .arm import FAULTS
 from .rules import SHIPPED, Rules
 from .scores import ROC_AT
+from .stored_maps import TRUE_DEPTH
 
 FORMAT = "icymoon-decisions"
 VERSION = 1
@@ -38,6 +39,8 @@ OPENINGS = {"decisions.jsonl": b'{"pair": ', "decisions.csv": b"pair,method,stat
 #: Most pairs whose maps the page contains.
 MOST_PAIRS = 12
 _MM = 1000.0
+#: Share of the cells that the true depth knows below which cells are too small for the images.
+_FEW_KNOWN = 0.5
 #: Share of the ground in reach that is hardly any of it: what a smaller part of it is tells little.
 _HARDLY = 0.005
 #: The numbers of a row, by their path in it: the columns of the tables.
@@ -205,6 +208,12 @@ def find_notes(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, A
     if unseen:
         notes.append(f"{unseen} of {len(facts)} pairs contain no true heights (workspace.cell_m is 0), so their truth "
                      "is the true depth of both eyes: ground that neither eye sees is not known, and counts nowhere.")
+    known = [share for row in rows if row["method"] == TRUE_DEPTH and row["numbers"]
+             and (share := row["numbers"]["dem"]["completeness"]) is not None]
+    if known and np.mean(known) < _FEW_KNOWN:
+        notes.append(f"Cells have too few pixels of these images: even the true depth knows only "
+                     f"{100 * np.mean(known):.0f} % of those that the left image shows; raise workspace.cell_m, or "
+                     "--cell-m for pairs without true heights.")
     by_noise = sum((fact.get("noise") or {}).get("verdict") == DECIDES for fact in facts)
     if by_noise:
         notes.append(f"Noise of the render decides the result in {by_noise} of {len(facts)} pairs: heights are rougher "

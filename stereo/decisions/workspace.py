@@ -8,9 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import cv2
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...labels import LANDER
 from ...render.pairs.pair_folder import Pair
 from ..images.disparity_and_occlusion import scene_depth
 from ..images.exr import read_depth
@@ -27,6 +29,8 @@ from .sites import Sites, cast_light, find_rocks, judge, judge_pads, measure_lay
 CELL_M = 0.02
 #: Class of ``by_pixel_class.MATERIAL`` of pixels of the lander, which are no ground.
 _LANDER = 2
+#: Pixels beside the lander whose depth may be the lander's: half of StereoBM's window of 15, and one for its edge.
+_SMEARED_PX = 8
 #: From which share on a footprint is inside the workspace: all of it, but for rounding.
 _WHOLE = 1 - 1e-6
 
@@ -109,7 +113,7 @@ def decide(workspace: Workspace, depth_m: np.ndarray, pose: np.ndarray | None = 
     ``pose`` is where the lander takes its left eye to be; by default where it is.
     """
     pose = workspace.pose if pose is None else pose
-    ground = np.where(_is_ground(workspace.prepared), depth_m, np.nan)
+    ground = np.where(_is_apart_from_lander(workspace.prepared), depth_m, np.nan)
     position, index = points_of(ground, workspace.pair.camera.rectified, pose)
     dem = grid_points(position, workspace.grid)
     margin = _margins(workspace.pair, pose, dem)
@@ -174,6 +178,13 @@ def _is_ground(prepared: Prepared) -> np.ndarray:
     return np.asarray(prepared.classes[MATERIAL.key] != _LANDER)
 
 
+def _is_apart_from_lander(prepared: Prepared) -> np.ndarray:
+    """Ground (H, W) of which a matcher's window sees no lander: a lander knows where its own arm is."""
+    lander = (~_is_ground(prepared)).astype(np.uint8)
+    side = 2 * _SMEARED_PX + 1
+    return np.asarray(cv2.dilate(lander, np.ones((side, side), np.uint8)) == 0)
+
+
 def _lit_pixels(workspace: Workspace) -> np.ndarray:
     """1.0 or 0.0 (H, W): the left image is brighter than a share of the median of its ground."""
     image = workspace.prepared.left
@@ -197,7 +208,9 @@ def _read_heights(pair: Pair, stated: Mapping[str, Any]) -> np.ndarray:
 
 def _points_of_right_eye(pair: Pair) -> np.ndarray:
     pose = pair.rectified_pose("right")
-    depth = pair.camera.cropped(scene_depth(read_depth(pair.truth("right"), "right")))
+    view = read_depth(pair.truth("right"), "right")
+    ground = np.ones(view.depth.shape, bool) if view.semantic is None else view.semantic != LANDER
+    depth = pair.camera.cropped(np.where(ground, scene_depth(view), np.nan))
     return points_of(depth, pair.camera.rectified, pose)[0] if pose is not None else np.empty((0, 3))
 
 
@@ -209,5 +222,8 @@ def _grid_ahead(pair: Pair, points: np.ndarray, cell_m: float) -> Grid:
     if count > 4096:
         raise IcyMoonError(f"Cells of {cell_m:g} m are {count} along a side; give {size / 4096:.2g} m or more.")
     east, north = np.median(points[:, 0]), np.median(points[:, 1])
+    if dug := pair.data.get("excavation"):  # the same cells in all states, also where the camera moves a little
+        west, south, last_east, last_north = dug["region_m"]
+        east, north = (west + last_east) / 2, (south + last_north) / 2
     half = count * cell_m / 2
     return Grid(cell_m, count, count, float(east - half), float(north + half))

@@ -36,7 +36,9 @@ def write_state(folder, state, lowered_m):
     heights = np.full((2, 30, 30), -lowered_m, np.float32)
     np.save(folder / "workspace.npy", heights)
     data["workspace"] = {"file": "workspace.npy", "cell_m": CELL_M, "origin_m": [-0.6, 0.6], "shape": [30, 30]}
-    data["excavation"] = {"state": state, "states": 3, "taken_m3": 0.64 * lowered_m,
+    # What was dug is more than what the region lost, as spoil slid in.
+    data["excavation"] = {"state": state, "states": 3, "taken_m3": 0.9 * lowered_m,
+                          "change_in_region_by_state_m3": [0.0] * state + [-0.64 * lowered_m],
                           "region_m": [-0.4, -0.4, 0.4, 0.4]}
     (folder / "pair.json").write_text(json.dumps(data))
 
@@ -184,3 +186,24 @@ def test_a_series_has_its_volumes_and_the_smallest_that_is_noticed(tmp_path):
     # The disparity of StereoBM is off by a part of a sixteenth of a pixel, the same for level ground: 3 mm here.
     assert all(abs(step["error_m3"]) < 0.64 * 0.006 for step in matcher["steps"])
     assert "Excavation" in (tmp_path / "out" / "decisions.html").read_text(encoding="utf-8")
+
+
+def test_states_without_true_heights_have_the_same_cells_although_the_camera_moves(tmp_path):
+    for state, lowered_m in enumerate((0.0, 0.1)):
+        folder = tmp_path / "set" / "pairs" / "ab"[state]
+        write_state(folder, state, lowered_m)
+        data = json.loads((folder / "pair.json").read_text())
+        del data["workspace"]
+        for pose in data["poses_camera_to_world"].values():
+            pose[0][3] += 0.003 * state
+        (folder / "pair.json").write_text(json.dumps(data))
+    true = run([tmp_path / "set"], tmp_path / "out", cell_m=0.04)["progress"][0]
+    # Cells of 4 cm cover the region of 80 cm exactly.
+    assert true["steps"][0]["found_m3"] == pytest.approx(true["steps"][0]["true_m3"], rel=1e-4)
+
+
+def test_too_small_cells_are_noted(tmp_path):
+    workspaces.write(tmp_path / "pair", exact=False)
+    notes = run([tmp_path / "pair"], tmp_path / "out", cell_m=0.005)["notes"]
+    assert any("too few pixels" in note for note in notes)
+    assert not any("too few pixels" in note for note in run([tmp_path / "pair"], tmp_path / "b", cell_m=0.05)["notes"])
