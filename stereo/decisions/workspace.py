@@ -29,7 +29,7 @@ from .sites import Sites, cast_light, find_rocks, judge, judge_pads, measure_lay
 CELL_M = 0.02
 #: Class of ``by_pixel_class.MATERIAL`` of pixels of the lander, which are no ground.
 _LANDER = 2
-#: Pixels beside the lander whose depth may be the lander's: half of StereoBM's window of 15, and one for its edge.
+#: Pixels beside the lander whose depth may be the lander's: half of StereoBM's default window of 17.
 _SMEARED_PX = 8
 #: From which share on a footprint is inside the workspace: all of it, but for rounding.
 _WHOLE = 1 - 1e-6

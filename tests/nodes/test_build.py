@@ -162,7 +162,7 @@ def test_too_little_memory_is_a_sentence_and_changes_nothing(monkeypatch):
     def no_memory(*_):
         raise MemoryError
 
-    monkeypatch.setattr(scenes, "mesh_ground", no_memory)
+    monkeypatch.setattr(scenes, "mesh_whole_ground", no_memory)
     with pytest.raises(IcyMoonError, match=r"terrain\.resolution"):
         scenes.build(scene, complete())
     assert fingerprint(scenes.find_collection(scene)) == mark

@@ -30,7 +30,7 @@ def searched(tmp_path, monkeypatch, allowed, loss, doubt=0.001, own=0.0, bias=0.
         counter.done += 1
         return [folder]
 
-    def measure(folders, reference, methods):
+    def measure(folders, reference, methods, images):
         own_settings = by_folder[folders[0]]
         value = loss(own_settings)
         numbers = {"coverage": 0.0, "epe_px": value, "bad_1": value / 10, "wrong_or_missing": value / 10}
