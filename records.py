@@ -10,13 +10,14 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from .errors import IcyMoonError
 from .files import read_text
+from .suggestions import nearest
 from .system import name_fault
 
 
@@ -159,3 +160,29 @@ def read_record(path: Path, shape: Shape, fix: str) -> Any:
     except (OSError, ValueError) as error:
         raise IcyMoonError(f"{path} cannot be read ({error}); {fix}.") from None
     return check_record(data, shape, path, fix)
+
+
+def read_number_lines(path: Path, columns: Sequence[str], setting: str) -> list[tuple[int, list[float] | None]]:
+    """The numbers of some columns of a CSV file whose first line names its columns: for each line that is not empty,
+    its number in the file and its numbers, None if it has not one for each column.
+
+    Raises IcyMoonError if the file that ``setting`` names cannot be read, or lacks a column.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise IcyMoonError(f"{path}: cannot be read ({error}); check {setting}.") from None
+    heads = [head.strip() for head in lines[0].split(",")]
+    for column in columns:
+        if column not in heads:
+            raise IcyMoonError(f"{path}: has no column {column}, {nearest(column, heads)} Its first line must name the "
+                               f"columns {', '.join(columns)}.")
+    places = [heads.index(column) for column in columns]
+    return [(number, _numbers_at(line.split(","), places)) for number, line in enumerate(lines[1:], 2) if line.strip()]
+
+
+def _numbers_at(cells: Sequence[str], places: Sequence[int]) -> list[float] | None:
+    try:
+        return [float(cells[place]) for place in places]
+    except (ValueError, IndexError):
+        return None

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...files import absolute_path
-from ...suggestions import nearest
+from ...records import read_number_lines
 from ...typed_settings import ExcavationSettings
 from .cut import Pull
 
@@ -78,25 +78,9 @@ def read_path(path: Path) -> np.ndarray:
 
     Raises IcyMoonError if the file is missing, or a column, or a number.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").split("\n")
-    except (OSError, UnicodeDecodeError) as error:
-        raise IcyMoonError(f"{path}: cannot be read ({error}); check excavation.file.") from None
-    heads = [head.strip() for head in lines[0].split(",")]
-    for column in COLUMNS:
-        if column not in heads:
-            raise IcyMoonError(f"{path}: has no column {column}, {nearest(column, heads)} Its first line must name the "
-                               f"columns {', '.join(COLUMNS)}.")
     rows = []
-    for number, line in enumerate(lines[1:], 2):
-        if not line.strip():
-            continue
-        cells = line.split(",")
-        try:
-            row = [float(cells[heads.index(column)]) for column in COLUMNS]
-        except (ValueError, IndexError):
-            row = []
-        if not row or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
+    for number, row in read_number_lines(path, COLUMNS, "excavation.file"):
+        if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
             raise IcyMoonError(f"{path}: line {number} is no place of the blade; give a whole state from 1, and "
                                "x_m, y_m and depth_m in metres.")
         rows.append(row)

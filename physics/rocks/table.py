@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...suggestions import nearest
+from ...records import read_number_lines
 
 #: Columns that a table must have.
 COLUMNS = ("x_m", "y_m", "diameter_m")
@@ -20,24 +20,12 @@ def read_table(path: Path) -> np.ndarray:
 
     Raises IcyMoonError if the file is missing, or a column, or a number.
     """
-    try:
-        lines = path.read_text(encoding="utf-8-sig").split("\n")
-    except (OSError, UnicodeDecodeError) as error:
-        raise IcyMoonError(f"{path}: cannot be read ({error}); check rocks.file.") from None
-    heads = [head.strip() for head in lines[0].split(",")]
-    for column in COLUMNS:
-        if column not in heads:
-            raise IcyMoonError(f"{path}: has no column {column}, {nearest(column, heads)} Its first line must name the "
-                               f"columns {', '.join(COLUMNS)}.")
-    at = [heads.index(column) for column in COLUMNS]
-    rows = [(number, line.split(",")) for number, line in enumerate(lines[1:], 2) if line.strip()]
+    rows = read_number_lines(path, COLUMNS, "rocks.file")
     values = np.empty((len(rows), len(COLUMNS)))
-    for k, (number, cells) in enumerate(rows):
-        try:
-            values[k] = [float(cells[column]) for column in at]
-        except (ValueError, IndexError):
-            raise IcyMoonError(f"{path}: line {number} has no number for each of {', '.join(COLUMNS)}; "
-                               "fix it.") from None
+    for k, (number, numbers) in enumerate(rows):
+        if numbers is None:
+            raise IcyMoonError(f"{path}: line {number} has no number for each of {', '.join(COLUMNS)}; fix it.")
+        values[k] = numbers
     wrong = ~np.isfinite(values).all(axis=1) | (values[:, 2] <= 0)
     if wrong.any():
         raise IcyMoonError(f"{path}: line {rows[int(np.argmax(wrong))][0]} is no rock; give finite places and a "
