@@ -199,22 +199,27 @@ def _run_metrics(parsed: argparse.Namespace) -> int:
     return 0
 
 
-def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
-    """Add the arguments of ``evaluate``; ``run_evaluate`` runs it. ``python -m icymoon`` has the same verb."""
-    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
-                         help="pair folder, data set of pairs, or foreign data such as KITTI's; may be several")
-    command.add_argument("--methods", help="matchers, separated by commas; with their own options, as in bm:window=21 "
-                         "(bm,sgbm, or none with --predictions)")
+def _add_method_options(command: argparse.ArgumentParser) -> None:
+    """Add what states methods and the camera response they get, beside ``--methods``."""
     command.add_argument("--method", action="append", default=[], metavar="NAME=MATCHER:KEY=VALUE",
                          help="one more method, with a name of yours, as in mynet=resident:command=PROGRAM; may repeat")
-    command.add_argument("--predictions", action="append", default=[], metavar="NAME=FOLDER",
-                         help="disparities computed elsewhere: PAIR.pfm, .png, .npy or .exr for each pair; may repeat")
     command.add_argument("--option", action="append", default=[], metavar="METHOD.KEY=VALUE",
                          help="option for every use of a matcher, such as bm.window=21")
     command.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
                          help="option of your own matcher, which --methods then names as own:NAME; may repeat")
     command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
                          help="change the camera response that the pairs were rendered for, or light.sun_scale")
+
+
+def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = True) -> None:
+    """Add the arguments of ``evaluate``; ``run_evaluate`` runs it. ``python -m icymoon`` has the same verb."""
+    command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
+                         help="pair folder, data set of pairs, or foreign data such as KITTI's; may be several")
+    command.add_argument("--methods", help="matchers, separated by commas; with their own options, as in bm:window=21 "
+                         "(bm,sgbm, or none with --predictions)")
+    _add_method_options(command)
+    command.add_argument("--predictions", action="append", default=[], metavar="NAME=FOLDER",
+                         help="disparities computed elsewhere: PAIR.pfm, .png, .npy or .exr for each pair; may repeat")
     command.add_argument("--out", required=out_needed, type=as_path,
                          help="folder for the report" + ("" if out_needed else " (evaluation in the data set)"))
     command.add_argument("--seed", type=int, default=0, help="seed of the tests that compare methods (%(default)s)")
@@ -267,14 +272,7 @@ def add_decide_options(command: argparse.ArgumentParser, out_needed: bool = True
                          help="pair folder or data set of pairs; may be several")
     command.add_argument("--methods", default="bm,sgbm", help="matchers, separated by commas, as in evaluate "
                          "(%(default)s)")
-    command.add_argument("--method", action="append", default=[], metavar="NAME=MATCHER:KEY=VALUE",
-                         help="one more method, with a name of yours; may repeat")
-    command.add_argument("--option", action="append", default=[], metavar="METHOD.KEY=VALUE",
-                         help="option for every use of a matcher, such as bm.window=21")
-    command.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
-                         help="option of your own matcher, which --methods then names as own:NAME; may repeat")
-    command.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
-                         help="change the camera response that the pairs were rendered for, or light.sun_scale")
+    _add_method_options(command)
     command.add_argument("--rules", type=as_path, metavar="FILE", help="TOML file with rules of your own for sites and "
                          "pads, in place of shipped ones")
     command.add_argument("--cell-m", type=float, metavar="METRES", help="side of a cell, of pairs without true heights "
