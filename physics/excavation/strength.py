@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
-#: Gravity at the mean radius in m/s²: GM / R². Europa: GM 3202.71 km³/s² (Jacobson 2021, JUP365), R 1560.8 km;
-#: Enceladus: GM 7.2105 km³/s² (Jacobson 2022, AJ 164, 199), R 252.1 km (radii: Archinal et al. 2018).
-GRAVITY_M_S2 = {"EUROPA": 3202.71e9 / 1560.8e3**2, "ENCELADUS": 7.2105e9 / 252.1e3**2}
+#: Gravity at the mean radius in m/s²: GM / R². GM in km³/s²: 3202.7121 and 7.2103667 (JPL, gm_Horizons.pck of
+#: 2025-01-29, from the satellite solutions; Enceladus' from SAT441L. Jacobson et al. 2006, AJ 132, 2520, table 3, has
+#: 7.2096 ± 0.0067). R in km: 1560.8 and 252.1 (Archinal et al. 2018).
+GRAVITY_M_S2 = {"EUROPA": 3202.7121e9 / 1560.8e3**2, "ENCELADUS": 7.2103667e9 / 252.1e3**2}
 
 
 def critical_height_m(cohesion_pa: float, friction_deg: float, density_kg_m3: float, gravity_m_s2: float) -> float:
