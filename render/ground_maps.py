@@ -23,6 +23,7 @@ from ..formats.exr_pixels import decode_parts
 from ..labels import ALBEDO_AOV, ROCK, SKY_DEPTH_M, TERRAIN, TRUTH
 from ..nodes.datablocks.fingerprint import TAG, instanced_objects
 from ..nodes.ground.user_ground import is_from_file
+from ..nodes.lander.objects import ROLES as LANDER_ROLES
 from ..nodes.scene import Built
 from ..nodes.surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from ..nodes.surface.sun_inputs import prepare_for_cycles
@@ -140,7 +141,7 @@ def _hidden(items: Sequence[bpy.types.Object]) -> Iterator[None]:
 
 
 def make_ground_map(built: Built, scene: bpy.types.Scene, folder: Path, cell_m: float | None = None) -> GroundMap:
-    """The map of a built scene that ``scene`` renders; images are written to ``folder`` meanwhile.
+    """The map of a built scene that ``scene`` renders, without its lander; images are written to ``folder`` meanwhile.
 
     Raises IcyMoonError for cells that are too small, and where Cycles fails.
     """
@@ -150,7 +151,8 @@ def make_ground_map(built: Built, scene: bpy.types.Scene, folder: Path, cell_m: 
     pass_ = layer.aovs.add()
     pass_.name, pass_.type = ALBEDO_AOV, "COLOR"
     top_m = _highest_m(scene) + _ABOVE_M
-    with _albedo_materials(built), _look_down(scene, extent, top_m), _without_osl(scene, built):
+    lander = [item for item in built.collection.all_objects if item.get(TAG) in LANDER_ROLES.values()]
+    with (_albedo_materials(built), _look_down(scene, extent, top_m), _without_osl(scene, built), _hidden(lander)):
         whole = _render(scene, folder / "ground_map")
         surface = _heights(whole, top_m)
         rocks = [item for item in built.collection.all_objects if item.get(TAG) == "rock" and not item.hide_render]

@@ -123,6 +123,16 @@ def test_rocks_stand_on_the_ground_in_one_map_only(tmp_path):
     assert 0.03 < (above > 0.01).mean() < 0.13
 
 
+def test_a_lander_is_in_no_map(tmp_path):
+    ground = {"terrain": {"resolution": 33, "size_m": SIZE_M}, "rocks": {"coverage": 0.0}}
+    bare, _ = written(tmp_path / "bare", "dem", ground, cell_m=0.2)
+    with_it, _ = written(tmp_path / "with", "dem", {**ground, "lander": {"kind": "PARAMETRIC"}}, cell_m=0.2)
+    for name in ("dem.tif", "dsm.tif", "albedo.tif"):
+        one, other = tiff_values(bare / name), tiff_values(with_it / name)
+        assert np.isfinite(one).all()
+        np.testing.assert_array_equal(one, other)
+
+
 def test_meshes_have_the_sites_axes_in_blenders_formats(own_files, tmp_path):
     for suffix in ("obj", "usd"):
         folder, facts = written(tmp_path / suffix, suffix, own_files)
