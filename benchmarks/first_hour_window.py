@@ -33,7 +33,7 @@ FOLDER, ARCHIVE = Path(sys.argv[-3]), Path(sys.argv[-2])
 STARTED = float(sys.argv[-1])
 PRESET = "scenes/enceladus_fresh_snow"
 #: Where its picture is, right of the sidebar's edge and below the picture that opens them all.
-PLACE = 325, 307
+PLACE = 325, 340
 SAMPLES = "8"
 #: Seconds of the keystroke-level model: to think, point and click; to think and press a key; to think and drag.
 CLICK_S, KEY_S, DRAG_S = 1.35 + 1.1 + 0.2, 1.35 + 0.28, 1.35 + 2 * (1.1 + 0.1)

@@ -9,14 +9,20 @@ between two redraws of a window at rest. The least time counts, so that other wo
 
 from __future__ import annotations
 
+import atexit
+import json
+import shutil
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import bpy
 import icymoon
 from icymoon import scene_properties
+from icymoon.operators import decisions_in_view, results
 from icymoon.panels import CLASSES
 
 ROUNDS = 40
@@ -53,8 +59,34 @@ def _measure(action: Callable[[], object]) -> float:
     return 1e3 * (time.process_time() - start)
 
 
+def add_results() -> None:
+    """Let four matchers have results and decisions on a pair, and two settings vary."""
+    scene, methods = bpy.context.scene, ("bm", "sgbm", "sgbm_wls", "jplv")
+    folder = Path(tempfile.mkdtemp(prefix="icymoon-panels-"))
+    atexit.register(shutil.rmtree, folder)
+    scene.icymoon.dataset.folder, pair = str(folder), "0" * 12
+    row = {"total_bad_1": 0.35, "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25, "coverage": 0.75}
+    write_json(folder / "evaluation_scene" / "report.json", {
+        "summary": [{"method": method, **row} for method in methods], "rows": [],
+        "provenance": {"created": "2038-06-01T12:00:00+00:00"}})
+    write_json(folder / "decisions" / "decisions.json", {
+        "rules": {"site": {"slope_deg": 10.0, "disc_m": 0.3}},
+        "rows": [{"pair": pair, "method": method, "images": {"suitability": "a.npy"}, "numbers": None}
+                 for method in methods]})
+    results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [pair])
+    for setting in ("light.sun_elevation_deg", "surface.model"):
+        bpy.ops.icymoon.vary(setting=setting)
+    assert len(results.summary(scene)) == len(decisions_in_view.decided_methods(scene)) == len(methods)
+
+
+def write_json(path: Path, what: object) -> None:
+    """Write a file and its folder."""
+    path.parent.mkdir()
+    path.write_text(json.dumps(what), encoding="utf-8")
+
+
 def main() -> None:
-    """Print the time of all panels before and after a scene is built."""
+    """Print the time of all panels before and after a scene is built, and after it was evaluated."""
     icymoon.register()
     panels = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel)]
 
@@ -64,9 +96,9 @@ def main() -> None:
 
     group = bpy.context.scene.icymoon
     group.mesh.kind, group.terrain.resolution = "GRID", 65
-    for state in ("empty", "built"):
-        if state == "built":
-            bpy.ops.icymoon.build_scene()
+    for state, reach in {"empty": lambda: None, "built": bpy.ops.icymoon.build_scene,
+                         "with results, decisions and variations": add_results}.items():
+        reach()
         whole = milliseconds(draw_all)
         once = milliseconds(lambda: scene_properties.read_unchecked(group))
         print(f"{state}: {len(panels)} panels {whole:.2f} ms, {whole / once:.1f} times reading the settings once")

@@ -95,7 +95,7 @@ _ValueFields: Any = type("_ValueFields", (), {"__annotations__": scene_propertie
 
 
 class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
-    """Vary this setting over the pairs of a data set: Data Set > Vary This Scene"""
+    """Vary a setting of this scene: render a pair for each value and see how the error depends on it"""
 
     bl_idname = "icymoon.vary"
     bl_label = "Vary"
@@ -106,6 +106,14 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
                                     options={"SKIP_SAVE"}, description="Which setting varies")
     values: bpy.props.EnumProperty(items=_choice_items, name="Values", options={"ENUM_FLAG", "SKIP_SAVE"},  # type: ignore[valid-type]
                                    description="The values of a choice")
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+        """With what the field tells of the setting, where one is given."""
+        if not properties.is_property_set("setting"):
+            return str(cls.__doc__)
+        return (f"Vary {label_of(properties.setting)}: render a pair for each value and see how the error depends on "
+                f"it. {_of_name(properties.setting).description}")
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

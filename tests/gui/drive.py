@@ -1,7 +1,8 @@
 """Drive the installed extension in a real Blender as a person does; runs inside it.
 
-    blender --python tests/gui/drive.py -- FOLDER          all steps
-    blender --python tests/gui/drive.py -- FOLDER first    those of a newcomer's first minutes
+    blender --python tests/gui/drive.py -- FOLDER               all steps
+    blender --python tests/gui/drive.py -- FOLDER first         those of a newcomer's first minutes
+    blender --python tests/gui/drive.py -- FOLDER STEP STEP …   some, by their names
 
 Mouse and keyboard are xdotool's, screenshots are ImageMagick's, so they show what a person sees.
 Every step is written to FOLDER/steps.json; an exception anywhere ends Blender with status 7.
@@ -58,7 +59,8 @@ from person import (
 
 FOLDER = Path(sys.argv[sys.argv.index("--") + 1])
 DATASET = FOLDER / "dataset"
-ONLY_FIRST = sys.argv[-1] == "first"
+#: Names of the steps; without any, all.
+WANTED = sys.argv[sys.argv.index("--") + 2:]
 #: Light paths per pixel: enough that a render is seen to advance.
 SAMPLES = 48
 
@@ -143,10 +145,10 @@ def open_the_tab() -> Waiting:
 
 def load_europa() -> Waiting:
     """Choose a preset in the menu with mouse and keys, and make it small."""
-    _, y = yield from find("icymoon.build_scene")
+    _, y = yield from find("icymoon.add_preset")
     kinds = module("panels.menu").presets_by_kind()
     scenes = [name for name, _ in dict(kinds)["Scenes"]]
-    yield from to(region("UI").x + COLUMNS[0] * region("UI").width, y + 24)  # above it, left of the + button
+    yield from to(region("UI").x + COLUMNS[0] * region("UI").width, y)  # left of the + button
     xdotool("click", 1)
     yield 20 * TICK_S  # for the menu in the picture; keys wait for it by themselves
     yield from screenshot("presets_menu")
@@ -289,20 +291,14 @@ def evaluate_other_pairs() -> Waiting:
 
 def open_all_panels() -> Waiting:
     """Drag up over the closed headers, which opens them all, and look at them from top to bottom."""
-    x, y = yield from find("icymoon.build_scene")
     panels = [getattr(bpy.types, name) for name in dir(bpy.types) if name.startswith("ICYMOON_PT_")]
     topics = sum(not hasattr(panel, "bl_parent_id") for panel in panels) - 1  # without the main panel
-    first, last = y - 134, y - 134 - 28 * (topics - 1)  # of the topics' closed headers
-    yield from to(x, last)
-    xdotool("mousedown", 1)
-    for k in range(5 * topics):
-        point(x, last + (first - last) * k / (5 * topics - 1))
-        yield 0.05
-    xdotool("mouseup", 1)
-    yield 5 * TICK_S
+    headers = (yield from person.find_headers())[1:]
+    check(len(headers) == topics, f"{len(headers)} headers of {topics} panels are below the first panel")
+    yield from person.drag_over(headers)
     fields = 0
     for k in range(2, 8):
-        yield from to(x, first - 24 * k)
+        yield from to(headers[0][0], headers[0][1] - 24 * k)
         with in_region("UI"):
             fields += bpy.ops.ui.copy_data_path_button.poll()
     check(fields, "dragging over the headers opened no panel")
@@ -575,7 +571,7 @@ def painted_errors() -> Waiting:
 
 
 def show_error() -> Waiting:
-    yield from press("icymoon.show_error")
+    yield from press("icymoon.show_error", method="sgbm")
     yield from until(lambda: len(manager().windows) == 2, "Opening an Image Editor")
     space = manager().windows[1].screen.areas[0].spaces.active
     check(space.type == "IMAGE_EDITOR" and space.image and space.image.size[0] > 0, "it shows no image")
@@ -701,7 +697,7 @@ def choose_by_picture() -> Waiting:
         xdotool("click", 1)
         yield 15 * TICK_S  # the pictures open
         yield from screenshot("scene_pictures")
-        point(x - 400, y - 150)  # some scene of the first row
+        point(x - 400, y - 180)  # some scene of the first row
         yield 5 * TICK_S
         xdotool("click", 1)
         yield from until(lambda: now() != before, "Choosing a picture")
@@ -760,10 +756,146 @@ def render_in_a_local_view() -> Waiting:
     yield from ended()
 
 
+def build_a_workspace() -> Waiting:
+    """The ground before a lander, small and coarse, without the lander."""
+    for item in list(manager().windows)[1:]:
+        with bpy.context.temp_override(window=item):
+            bpy.ops.wm.window_close()
+    with in_region("UI"):
+        bpy.ops.icymoon.load_preset(preset="scenes/workspace_europa_lander")
+    group = settings()
+    group.rig.width_px, group.rig.height_px = 320, 240
+    group.mesh.error_px, group.mesh.edge_px = 4.0, 24.0
+    group.quality.samples, group.lander.kind = 16, "NONE"
+    group.dataset.folder, group.dataset.methods = str(FOLDER / "decided"), "bm,sgbm"
+    with in_region("WINDOW"):
+        bpy.ops.icymoon.build_scene("INVOKE_DEFAULT", True)
+    yield from until(built, "Build Scene")
+    area().spaces.active.shading.type = "SOLID"
+    yield from to(*middle("UI"))
+    yield from scroll(-400)
+
+
+def turn_an_arm() -> Waiting:
+    """A lander is put into the built scene and a joint of its arm dragged: it follows at once, and undo."""
+    yield from build_a_workspace()
+
+    def scoop() -> list[tuple[float, ...]]:
+        return [tuple(round(x, 5) for x in item.matrix_world.translation) for item in bpy.data.objects
+                if item.get("icymoon") == "lander scoop"]
+
+    ground = heights()
+    yield from person.turn_choice("lander.kind", 1)
+    yield from until(scoop, "Showing the lander")
+    check(settings().lander.kind == "PARAMETRIC", f"the lander is {settings().lander.kind}")
+    check(heights() == ground and not previewing(), "the lander has changed the ground")
+    yield from scroll(5)  # to what is in the panel of the lander
+    headers = yield from person.find_headers(page="howto/lander")
+    yield from person.drag_over(headers[-2:])  # Deck and Legs, and the arm
+    yield from away()
+    yield from screenshot("lander")
+    x, y = yield from find_setting("arm.yaw_deg")
+    before, places = scoop(), set()
+    xdotool("mousedown", 1)
+    yield 2 * TICK_S
+    for k in range(20):
+        point(x - 4 * k, y)
+        yield TICK_S
+        places.add(scoop()[0])
+    check(len(places) > 5, f"the scoop was at {len(places)} places while its yaw was dragged")
+    xdotool("mouseup", 1)
+    yield 5 * TICK_S
+    after, turned = scoop(), settings().arm.yaw_deg
+    check(shown() and heights() == ground, "the arm has changed the ground")
+    yield from away()
+    yield from screenshot("arm_turned")
+    for keys, expected in (("ctrl+z", before), ("ctrl+shift+z", after)):
+        yield from key(keys)
+        yield from until(partial(holds, expected, scoop), f"{keys} after turning the arm")
+    check(settings().arm.yaw_deg == turned, "redo left another angle")
+    return f"{len(places)} places of the scoop in 20 steps of the mouse"
+
+
+def dig_a_trench() -> Waiting:
+    """A trench is dug by its choice, deeper by its state, and goes by undo."""
+    group = settings()
+    group.excavation.cell_m, group.excavation.bite_m = 0.01, 0.1
+    group.excavation.start_x_m = group.excavation.start_y_m = 1.1  # where the cameras look
+    take_a_step()
+    ground = module("nodes.scene").find(window().scene).terrain.data
+    before = len(ground.vertices)
+    yield from to(*middle("UI"))
+    yield from scroll(-400)
+    headers: list[person.Place] = []
+    while not headers:  # it is within a panel that is longer than the sidebar
+        yield from to(*middle("UI"))
+        check((yield from scroll(8)), "there is no panel Excavation")
+        headers = yield from person.find_headers(page="theory/excavation")
+    yield from to(*headers[0])
+    xdotool("click", 1)
+    yield 5 * TICK_S
+    yield from person.turn_choice("excavation.path", 1)
+    yield from until(lambda: group.excavation.path == "LINE" and shown(), "Digging a trench")
+    yield from away()
+    yield from screenshot("trench")
+    yield from press("icymoon.build_scene")
+    yield from until(lambda: not previewing() and shown(), "Building the trench")
+    dug = module("nodes.scene").find(window().scene).terrain.data
+    check(len(dug.vertices) > before, "the trench has no vertices of its own")
+    yield from away()
+    yield from screenshot("trench_built")
+    for keys, path in (("ctrl+z", "LINE"), ("ctrl+z", "NONE"), ("ctrl+shift+z", "LINE")):
+        yield from key(keys)
+        yield from until(lambda path=path: settings().excavation.path == path and shown(), f"{keys} after digging")
+
+
+def decide_by_mouse() -> Waiting:
+    """Where a lander would dig is decided, and painted on the ground by each map, with its site and its reach."""
+    painted, shading = module("nodes.painted_decisions"), area().spaces.active.shading
+    decided, opened = Path(settings().dataset.folder) / "decisions" / "decisions.html", []
+    webbrowser.open, open_page = opened.append, webbrowser.open  # type: ignore[assignment]
+
+    def legend() -> str:
+        return next((text for text, _ in painted.legend(window().scene)), "")
+
+    yield from press("icymoon.render_pair")
+    yield from until(lambda: jobs().current, "Starting the render")
+    yield from ended()
+    yield from until(lambda: len(manager().windows) == 2, "Showing the pair")
+    yield 10 * TICK_S
+    yield from screenshot("lander_pair")
+    yield from person.close_second_window("the Image Editor")
+    yield from press("icymoon.decide")
+    yield from until(lambda: jobs().current, "Starting to decide")
+    yield from ended()
+    yield from until(lambda: opened, "Opening the report")
+    webbrowser.open = open_page
+    check(opened == [decided.as_uri()] and decided.is_file(), f"what opens is {opened}")
+    before = shading.type, shading.color_type
+    for method, kind in (("sgbm", "SUITABILITY"), ("true depth", "SUITABILITY"), ("sgbm", "SLOPE"),
+                         ("sgbm", "HEIGHT_ERROR")):
+        was = legend()
+        yield from press("icymoon.paint_decisions", method=method, map=kind)
+        yield from until(lambda was=was: legend() not in ("", was), f"Painting {kind} by {method}")
+        check((shading.type, shading.color_type) == ("SOLID", "VERTEX"), f"the view shows {shading.color_type}")
+        yield from away()
+        yield from screenshot(f"decisions_{kind.lower()}_{method.replace(' ', '_')}")
+    there = {item.name for item in painted.find(window().scene).objects}
+    check(painted.REACH in there, f"what is shown is {there}")
+    yield from key("ctrl+z")
+    yield from until(lambda: legend().startswith("Slope"), "Bringing the slope back by undo")
+    yield from press("icymoon.hide_decisions")
+    yield from until(lambda: not legend(), "Removing the decisions")
+    check((shading.type, shading.color_type) == before, f"the view shows {shading.type}, and before {before}")
+    check(not module("nodes.scene").find(window().scene).edited, "painting counts as an edit by hand")
+
+
 STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_redo, slide_by_mouse, render_by_mouse,
          pair_on_the_screen, escape_a_render, evaluate_by_mouse, measured_surface, painted_errors, show_error,
          camera_image_follows, render_a_data_set, vary_by_mouse, evaluate_other_pairs, preferences_page,
-         search_and_clear, drag_an_asset, choose_by_picture, undo_by_key, render_in_a_local_view)
+         search_and_clear, drag_an_asset, choose_by_picture, undo_by_key, render_in_a_local_view, turn_an_arm,
+         dig_a_trench, decide_by_mouse)
+NAMES = [step.__name__ for step in STEPS]
 #: From the opened tab to a measured pair.
 FIRST_STEPS = STEPS[:STEPS.index(measured_surface) + 1]
 
@@ -775,8 +907,9 @@ def write(finished: bool) -> None:
 
 def walk() -> Waiting:
     yield 10 * TICK_S  # the window appears
+    check(WANTED == ["first"] or {*WANTED} <= {*NAMES}, f"the steps are {', '.join(NAMES)}")
     start_watching()
-    for step in FIRST_STEPS if ONLY_FIRST else STEPS:
+    for step in FIRST_STEPS if WANTED == ["first"] else [each for each in STEPS if each.__name__ in (WANTED or NAMES)]:
         start = time.monotonic()
         record = {"step": step.__name__, "ok": False, "seconds": 0.0, "note": ""}
         steps.append(record)

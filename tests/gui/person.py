@@ -179,6 +179,10 @@ def _look(recognised: Callable[[], bool], columns: tuple[float, ...],
 #: Where buttons are looked for across the sidebar: left and right in a row of two, bare icons at its end, and two
 #: of three.
 COLUMNS = (0.35, 0.66, 0.74, 0.82, 0.9, 0.15, 0.48)
+#: Where the buttons in the headers of panels are, across the sidebar.
+HELP = 0.785
+#: Height of the picture of the scene, in heights of a button, and of a button.
+PICTURE_ROWS, BUTTON_PX = 8, 20
 _found = 0.0  # how far down the last button was
 
 
@@ -258,11 +262,48 @@ def open_the_tab() -> Waiting:
 
 
 def over_the_pictures() -> Looking:
-    """Go to the picture of the scene above Build Scene, which opens those of all scenes; returns its place."""
-    x, y = yield from find("icymoon.build_scene")
-    place = x, y + 98
+    """Go to the picture of the scene, which opens those of all scenes; returns the place of its middle.
+
+    No command tells that the mouse is over it. It is above the row of presets, eight buttons high.
+    """
+    _, y = yield from find("icymoon.add_preset")
+    place = region("UI").x + COLUMNS[0] * region("UI").width, y + (PICTURE_ROWS / 2 + 1) * BUTTON_PX
     yield from to(*place)
     return place
+
+
+def find_headers(**options: str) -> Generator[float, None, list[Place]]:
+    """Places of the headers of panels that the sidebar shows now, from top to bottom. Each has a button that opens a
+    page of the manual, by which it is found; ``options``: of that button."""
+    sidebar, rows = region("UI"), []
+    for down in range(20, sidebar.height, 6):
+        place = sidebar.x + HELP * sidebar.width, sidebar.y + sidebar.height - down
+        yield from to(*place)
+        yield 0.02  # our watcher sees the mouse before the sidebar does
+        if over_button("icymoon.open_manual", **options) and (not rows or rows[-1][1] - place[1] > 20):
+            rows.append((sidebar.x + COLUMNS[0] * sidebar.width, place[1]))
+    return rows
+
+
+def drag_over(headers: Sequence[Place]) -> Waiting:
+    """Drag up over the headers of closed panels one below the other, which opens them all."""
+    x, first, last, count = headers[0][0], headers[0][1], headers[-1][1], 5 * len(headers)
+    yield from to(x, last)
+    xdotool("mousedown", 1)
+    for k in range(count):
+        point(x, last + (first - last) * k / (count - 1))
+        yield 0.05
+    xdotool("mouseup", 1)
+    yield 5 * TICK_S
+
+
+def turn_choice(path: str, clicks: int) -> Waiting:
+    """Find the menu of a choice and turn the wheel with Ctrl over it, down (or up, below 0)."""
+    yield from find_setting(path)
+    xdotool("keydown", "ctrl")
+    xdotool("click", "--repeat", abs(clicks), "--delay", 60, 5 if clicks > 0 else 4)
+    xdotool("keyup", "ctrl")
+    yield 3 * TICK_S
 
 
 def open_preferences() -> Waiting:

@@ -1,6 +1,7 @@
 """Install the zip with everything inside in a real Blender, drive its window with ``drive.py`` and say what came of it.
 
     python tests/gui/run.py [4.3] [5.2] [named]      all that this machine has, by default
+    python tests/gui/run.py 5.2 --steps=A,B          some steps of drive.py, by their names
     python tests/gui/run.py --shots [4.3] …          no test, but pictures of every panel in both themes to look at
     python tests/gui/run.py --manual [4.3]           the pictures of the tutorial
 
@@ -67,7 +68,8 @@ def main(words: list[str]) -> int:
     names = [word for word in words if not word.startswith("--")]
     pictures: dict[str, Callable[[Blender, Path], str]] = {
         "--shots": shoot, "--manual": lambda blender, archive: shoot(blender, archive, "manual")}
-    act = pictures.get(words[0] if words else "", drive)
+    steps = [step for word in words if word.startswith("--steps=") for step in word.partition("=")[2].split(",")]
+    act = pictures.get(words[0] if words else "", lambda blender, archive: drive(blender, archive, *steps))
     failed = ran = 0
     with tempfile.TemporaryDirectory(prefix="icymoon-zip-") as folder:
         archive = Path(folder) / "icymoon.zip"

@@ -202,7 +202,7 @@ def scene_pictures() -> Waiting:
     x, y = yield from person.over_the_pictures()
     person.xdotool("click", 1)
     yield 15 * TICK_S
-    person.point(x - 400, y - 150)
+    person.point(x - 400, y - 180)
     yield 15 * TICK_S
 
 

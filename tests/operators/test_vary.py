@@ -18,6 +18,7 @@ from icymoon.render.plans.frozen_plan import freeze_plan
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.plans.vary_scene import SceneVariations, VariedSetting
 from icymoon.settings.description import merged
+from icymoon.settings.table import TOPICS
 from plans import TINY
 
 ELEVATION = "light.sun_elevation_deg"
@@ -117,6 +118,15 @@ def test_a_context_menu_knows_the_setting_under_the_mouse(tiny):
     assert under(tiny.icymoon, "live") == under(tiny.render, "resolution_x") == ""
     assert under(tiny.icymoon.variations, "seeds") == ""
     assert vary.setting_of_button(bpy.context) == ""
+
+
+def test_the_tooltip_of_vary_tells_what_the_field_tells():
+    given = SimpleNamespace(is_property_set=lambda name: True, setting=ELEVATION)
+    told = vary.ICYMOON_OT_vary.description(bpy.context, given)
+    assert told.startswith("Vary Sun Elevation: ")
+    assert told.endswith(TOPICS["light"]["sun_elevation_deg"].description)
+    none = SimpleNamespace(is_property_set=lambda name: False)
+    assert vary.ICYMOON_OT_vary.description(bpy.context, none) == vary.ICYMOON_OT_vary.__doc__
 
 
 @pytest.mark.parametrize(("topic", "key", "possible"), [("light", "sun_elevation_deg", True),
