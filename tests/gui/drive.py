@@ -766,7 +766,7 @@ def build_a_workspace() -> Waiting:
     group = settings()
     group.rig.width_px, group.rig.height_px = 320, 240
     group.mesh.error_px, group.mesh.edge_px = 4.0, 24.0
-    group.quality.samples, group.lander.kind = 16, "NONE"
+    group.quality.samples, group.lander.kind, group.workspace.cell_m = 16, "NONE", 0.03
     group.dataset.folder, group.dataset.methods = str(FOLDER / "decided"), "bm,sgbm"
     with in_region("WINDOW"):
         bpy.ops.icymoon.build_scene("INVOKE_DEFAULT", True)
@@ -816,11 +816,16 @@ def turn_an_arm() -> Waiting:
     return f"{len(places)} places of the scoop in 20 steps of the mouse"
 
 
+def is_dug(path: str) -> bool:
+    """Whether the settings and the ground have this path of the scoop."""
+    return settings().excavation.path == path and shown()
+
+
 def dig_a_trench() -> Waiting:
     """A trench is dug by its choice, deeper by its state, and goes by undo."""
     group = settings()
     group.excavation.cell_m, group.excavation.bite_m = 0.01, 0.1
-    group.excavation.start_x_m = group.excavation.start_y_m = 1.1  # where the cameras look
+    group.excavation.start_x_m, group.excavation.start_y_m = group.workspace.east_m, group.workspace.north_m
     take_a_step()
     ground = module("nodes.scene").find(window().scene).terrain.data
     before = len(ground.vertices)
@@ -835,7 +840,7 @@ def dig_a_trench() -> Waiting:
     xdotool("click", 1)
     yield 5 * TICK_S
     yield from person.turn_choice("excavation.path", 1)
-    yield from until(lambda: group.excavation.path == "LINE" and shown(), "Digging a trench")
+    yield from until(partial(is_dug, "LINE"), "Digging a trench")
     yield from away()
     yield from screenshot("trench")
     yield from press("icymoon.build_scene")
@@ -846,13 +851,14 @@ def dig_a_trench() -> Waiting:
     yield from screenshot("trench_built")
     for keys, path in (("ctrl+z", "LINE"), ("ctrl+z", "NONE"), ("ctrl+shift+z", "LINE")):
         yield from key(keys)
-        yield from until(lambda path=path: settings().excavation.path == path and shown(), f"{keys} after digging")
+        yield from until(partial(is_dug, path), f"{keys} after digging")
 
 
 def decide_by_mouse() -> Waiting:
     """Where a lander would dig is decided, and painted on the ground by each map, with its site and its reach."""
     painted, shading = module("nodes.painted_decisions"), area().spaces.active.shading
-    decided, opened = Path(settings().dataset.folder) / "decisions" / "decisions.html", []
+    decided = Path(settings().dataset.folder) / "decisions" / "decisions.html"
+    opened: list[str] = []
     webbrowser.open, open_page = opened.append, webbrowser.open  # type: ignore[assignment]
 
     def legend() -> str:
@@ -874,9 +880,9 @@ def decide_by_mouse() -> Waiting:
     before = shading.type, shading.color_type
     for method, kind in (("sgbm", "SUITABILITY"), ("true depth", "SUITABILITY"), ("sgbm", "SLOPE"),
                          ("sgbm", "HEIGHT_ERROR")):
-        was = legend()
+        title = f"{painted.TITLES[kind]} by {'SGBM' if method == 'sgbm' else method}"
         yield from press("icymoon.paint_decisions", method=method, map=kind)
-        yield from until(lambda was=was: legend() not in ("", was), f"Painting {kind} by {method}")
+        yield from until(partial(holds, title, legend), f"Painting {kind} by {method}")
         check((shading.type, shading.color_type) == ("SOLID", "VERTEX"), f"the view shows {shading.color_type}")
         yield from away()
         yield from screenshot(f"decisions_{kind.lower()}_{method.replace(' ', '_')}")

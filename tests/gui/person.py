@@ -275,7 +275,8 @@ def over_the_pictures() -> Looking:
 def find_headers(**options: str) -> Generator[float, None, list[Place]]:
     """Places of the headers of panels that the sidebar shows now, from top to bottom. Each has a button that opens a
     page of the manual, by which it is found; ``options``: of that button."""
-    sidebar, rows = region("UI"), []
+    sidebar = region("UI")
+    rows: list[Place] = []
     for down in range(20, sidebar.height, 6):
         place = sidebar.x + HELP * sidebar.width, sidebar.y + sidebar.height - down
         yield from to(*place)
