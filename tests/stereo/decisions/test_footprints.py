@@ -19,7 +19,8 @@ def test_the_slope_of_a_plane_is_exact_up_to_its_border(a, b):
     found = fit_planes(ramp(a, b), CELL, 0.3)
     # Heights of 100 m in double precision: 1e-12 of a slope, with room for the sums of 200 cells.
     np.testing.assert_allclose(found.slope_deg, np.degrees(np.arctan(np.hypot(a, b))), atol=1e-7)
-    assert found.roughness_m.max() < 1e-7
+    # A difference of squares of up to 10 m: the root of 1e-16 of 100 m², which OpenCV's versions round differently.
+    assert found.roughness_m.max() < 1e-6
     np.testing.assert_allclose(found.middle_m, ramp(a, b), atol=1e-9)
 
 

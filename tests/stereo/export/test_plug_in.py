@@ -97,7 +97,7 @@ def test_an_unknown_one_and_one_with_the_name_of_ours(export):
     status, told, _ = export(EXPORT, kind="arays")
     assert status == 2
     assert "invalid choice: 'arays'" in told
-    assert "'arrays'" in told
+    assert "arrays" in told.partition("choose from")[2]  # in quotes up to Python 3.11
     status, _, out = export(EXPORT, name="png8")
     assert status == 0
     assert (out / "one" / "left.png").is_file()  # ours is what is used
