@@ -53,6 +53,7 @@ MOST_ROCKS = 1000
 MOST_VERTICES = 20000
 _EDITED = "The {} was edited by hand, so sliders do not change it; press Build Scene to build it again."
 _TURNED = "Preview: fine relief and broken walls are real only where the camera looked; press Build Scene"
+_UNDUG = "Preview without the trench: press Build Scene"
 
 
 def notes(scene: bpy.types.Scene) -> list[str]:
@@ -66,7 +67,10 @@ def notes(scene: bpy.types.Scene) -> list[str]:
     if not previewed or sentences:
         return sentences
     turned = set(previewed) == {"rig"} and not set(previewed["rig"]).isdisjoint(fine_relief.OF_THE_RIG)
-    return [_TURNED if turned else "Preview: press Build Scene"]
+    # ``build_coarse`` digs, but the ground that follows a slider is too coarse for a trench.
+    undug = (previewed.get("excavation", {}).get("path", "NONE") != "NONE"
+             and collection.get(scenes.REFINED) != json.dumps(previewed))
+    return [_TURNED if turned else _UNDUG if undug else "Preview: press Build Scene"]
 
 
 def set_notes(built: scenes.Built, sentences: list[str]) -> None:

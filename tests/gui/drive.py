@@ -26,7 +26,7 @@ from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 import person
@@ -796,10 +796,11 @@ def turn_an_arm() -> Waiting:
     yield from screenshot("lander")
     x, y = yield from find_setting("arm.yaw_deg")
     before, places = scoop(), set()
+    bpy.context.preferences.inputs.use_mouse_continuous = False  # or Blender and xdotool both move the mouse
     xdotool("mousedown", 1)
     yield 2 * TICK_S
     for k in range(20):
-        point(x - 4 * k, y)
+        point(x - 2 * k, y)
         yield TICK_S
         places.add(scoop()[0])
     check(len(places) > 5, f"the scoop was at {len(places)} places while its yaw was dragged")
@@ -807,12 +808,14 @@ def turn_an_arm() -> Waiting:
     yield 5 * TICK_S
     after, turned = scoop(), settings().arm.yaw_deg
     check(shown() and heights() == ground, "the arm has changed the ground")
+    check(abs(turned) < 105.0, f"dragging turned the arm to {turned}°, beyond its limits")
     yield from away()
     yield from screenshot("arm_turned")
     for keys, expected in (("ctrl+z", before), ("ctrl+shift+z", after)):
         yield from key(keys)
         yield from until(partial(holds, expected, scoop), f"{keys} after turning the arm")
     check(settings().arm.yaw_deg == turned, "redo left another angle")
+    yield from key("ctrl+z")  # to where the next steps have it
     return f"{len(places)} places of the scoop in 20 steps of the mouse"
 
 
@@ -827,8 +830,6 @@ def dig_a_trench() -> Waiting:
     group.excavation.cell_m, group.excavation.bite_m = 0.01, 0.1
     group.excavation.start_x_m, group.excavation.start_y_m = group.workspace.east_m, group.workspace.north_m
     take_a_step()
-    ground = module("nodes.scene").find(window().scene).terrain.data
-    before = len(ground.vertices)
     yield from to(*middle("UI"))
     yield from scroll(-400)
     headers: list[person.Place] = []
@@ -843,10 +844,14 @@ def dig_a_trench() -> Waiting:
     yield from until(partial(is_dug, "LINE"), "Digging a trench")
     yield from away()
     yield from screenshot("trench")
+    yield from to(*middle("UI"))
+    yield from scroll(-400)
     yield from press("icymoon.build_scene")
     yield from until(lambda: not previewing() and shown(), "Building the trench")
     dug = module("nodes.scene").find(window().scene).terrain.data
-    check(len(dug.vertices) > before, "the trench has no vertices of its own")
+    start = Vector((group.excavation.start_x_m, group.excavation.start_y_m))
+    near = sum((vertex.co.xy - start).length < 0.2 for vertex in dug.vertices)
+    check(near > 300, f"{near} vertices are near the trench, whose cells are 1 cm wide")
     yield from away()
     yield from screenshot("trench_built")
     for keys, path in (("ctrl+z", "LINE"), ("ctrl+z", "NONE"), ("ctrl+shift+z", "LINE")):
@@ -871,6 +876,8 @@ def decide_by_mouse() -> Waiting:
     yield 10 * TICK_S
     yield from screenshot("lander_pair")
     yield from person.close_second_window("the Image Editor")
+    yield from to(*middle("UI"))
+    yield from scroll(400)
     yield from press("icymoon.decide")
     yield from until(lambda: jobs().current, "Starting to decide")
     yield from ended()

@@ -377,6 +377,13 @@ def test_a_ground_in_sculpt_mode_waits(watched, monkeypatch):
     assert len(scenes.find(watched).terrain.data.vertices) == SIDE**2
 
 
+def test_a_preview_tells_that_it_has_no_trench(watched):
+    change(watched, "excavation.path", "LINE")
+    assert preview.notes(watched) == ["Preview without the trench: press Build Scene"]
+    change(watched, "excavation.path", "NONE")
+    assert "trench" not in " ".join(preview.notes(watched))
+
+
 def test_a_preview_survives_saving_and_loading(watched, tmp_path):
     before = state(change(watched, "terrain.rms_slope_deg", 25.0))
     _turn()
