@@ -179,6 +179,7 @@ def _look(recognised: Callable[[], bool], columns: tuple[float, ...],
 #: Where buttons are looked for across the sidebar: left and right in a row of two, bare icons at its end, and two
 #: of three.
 COLUMNS = (0.35, 0.66, 0.74, 0.82, 0.9, 0.15, 0.48)
+ICONS = ("icymoon.add_preset",)
 #: Where the buttons in the headers of panels are, across the sidebar.
 HELP = 0.785
 #: Height of the picture of the scene, in heights of a button, and of a button.
@@ -191,7 +192,7 @@ def find(operator: str, **options: str) -> Looking:
     global _found
     yield from away()
     # Buttons with options are mostly icons of a table, the others as wide as half a row.
-    likely = COLUMNS[2:] if options else COLUMNS[:2]
+    likely = COLUMNS[2:] if options or operator in ICONS else COLUMNS[:2]
     place = yield from _look_on_every_page(lambda: over_button(operator, **options), (likely, COLUMNS), _found)
     assert place is not None, f"no button of {operator} was found in the sidebar"
     _found = region("UI").y + region("UI").height - place[1]
