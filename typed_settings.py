@@ -248,7 +248,7 @@ class ExcavationSettings(Table):
     """A trench that a scoop digs, and the heap beside it."""
 
     __slots__ = ()
-    path: Literal["NONE", "LINE", "ARC", "RECORDED"]
+    path: Literal["NONE", "LINE", "ARC", "RECORDED", "JOINTS"]
     state: int  # states
     states: int  # states
     file: str
@@ -482,7 +482,9 @@ class LanderSettings(Table):
     """A lander whose mast carries the cameras, with an arm in front of them."""
 
     __slots__ = ()
-    kind: Literal["NONE", "PARAMETRIC"]
+    kind: Literal["NONE", "PARAMETRIC", "OWN"]
+    file: str
+    joints: str
     turn_deg: float  # deg
     deck_front_m: float  # m
     deck_width_m: float  # m

@@ -318,6 +318,7 @@ def _show_lander(built: scenes.Built, settings: Settings, before: Settings, new_
 def _only_joints_differ(settings: Settings, before: Settings) -> bool:
     """Whether the lander keeps its shape and place, and only joints turn."""
     turned = {("arm", f"{joint}{key}") for joint in JOINTS for key in ("_deg", "_offset_deg", "_low_deg", "_high_deg")}
+    turned.add(("lander", "joints"))
     now, then = changes.lander(settings), changes.lander(before)
     return all((topic, key) in turned or now[topic][key] == then[topic].get(key) for topic in now for key in now[topic])
 

@@ -48,9 +48,14 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
     if TOPICS[topic].parent == LANDFORMS:
         return uses_landforms(root)
     if topic in ("lander", "arm"):
-        return bool((topic, key) == ("lander", "kind") or root.lander.kind != "NONE")
+        own = root.lander.kind == "OWN"
+        if (topic, key) == ("lander", "kind") or root.lander.kind == "NONE":
+            return key == "kind"
+        if topic == "lander":
+            return own or key not in ("file", "joints")
+        return not own or key in ("shoulder_x_m", "shoulder_y_m", "shoulder_z_m")
     if topic == "excavation":
-        only = {"file": ("RECORDED",), "radius_m": ("ARC",),
+        only = {"file": ("RECORDED", "JOINTS"), "radius_m": ("ARC",),
                 **dict.fromkeys(("start_x_m", "start_y_m", "heading_deg", "length_m", "bite_m"), ("LINE", "ARC"))}
         return bool(key == "path" or (group.path != "NONE" and group.path in only.get(key, (group.path,))))
     if topic == "mesh":

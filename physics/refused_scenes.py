@@ -17,8 +17,9 @@ import numpy as np
 from ..errors import IcyMoonError
 from ..typed_settings import RigSettings, RocksSettings, Settings
 from .arm.collisions import find_link_around
-from .arm.kinematics import beyond_limits
-from .arm.parametric import JOINTS, arm_of, real_rad
+from .arm.kinematics import Joint, beyond_limits
+from .arm.lander_arm import arm_of, is_own, joint_values
+from .arm.parametric import JOINTS
 from .camera.stereo_geometry import coarse_advice, ground_row
 from .excavation import site as excavation
 from .light.directions import camera_axes
@@ -181,13 +182,27 @@ def _lamp_reasons(settings: Settings) -> Iterator[Reason]:
                      "hapke.backend to NODES.", key, "hapke.backend")
 
 
+def _own_limit(joint: Joint, value: float) -> Reason:
+    unit, scale = (" m", 1.0) if joint.slides else ("°", 180.0 / math.pi)
+    low, high, there = (f"{scale * each:.4g}{unit}" for each in (joint.low, joint.high, value))
+    return Reason(f"lander.joints puts the joint {joint.name} at {there}, but its limits in the URDF are {low} to "
+                  f"{high}; change lander.joints.", "lander.joints")
+
+
 def lander_reasons(settings: Settings) -> Iterator[Reason]:
     """Joints beyond their limits, and an arm around an eye, which would see only black."""
     if settings.lander.kind == "NONE":
         return
-    arm, joints, rig = arm_of(settings), real_rad(settings.arm), settings.rig
+    try:
+        arm, joints, rig = arm_of(settings), joint_values(settings), settings.rig
+    except IcyMoonError as error:
+        yield Reason(str(error), "lander.file", "lander.joints")
+        return
     for k in beyond_limits(arm, joints):
         name = arm.joints[k].name
+        if is_own(settings):
+            yield _own_limit(arm.joints[k], float(joints[k]))
+            continue
         low, high = settings.arm[f"{name}_low_deg"], settings.arm[f"{name}_high_deg"]
         yield Reason(f"arm.{name}_deg puts the joint {name} at {math.degrees(joints[k]):.4g}°, fault included, but its "
                      f"limits are {low:g}° to {high:g}°; turn it back, or change arm.{name}_low_deg or "

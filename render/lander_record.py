@@ -11,10 +11,10 @@ import numpy as np
 from ..nodes.built_scene import Built
 from ..nodes.datablocks.fingerprint import built_objects
 from ..nodes.lander.contact import find_contact
-from ..nodes.lander.objects import INSTANCES, ROLES, link_poses, pads_of
+from ..nodes.lander.objects import INSTANCES, ROLES, link_poses, names_of_links, pads_of
 from ..physics.arm.keypoints import describe_keypoints
+from ..physics.arm.lander_arm import joint_facts
 from ..physics.arm.lander_solids import BODY, HEAD
-from ..physics.arm.parametric import JOINTS, commanded_rad, real_rad
 from ..typed_settings import Settings
 from .occlusion import read_depth
 from .pairs.pair_folder import EYES, TRUTH_FILE, StereoCamera
@@ -34,6 +34,7 @@ def lander_json(built: Built, settings: Settings, poses: Mapping[str, np.ndarray
     if settings.lander.kind == "NONE" or not objects:
         return {}
     links = _real_poses(objects, settings, built.site_m)
+    keys = names_of_links(settings)
     links.pop(HEAD, None)  # the cameras are in it
     camera, contact = StereoCamera.from_settings(settings.rig), find_contact(settings, built.site_m, built.terrain)
     pads_m = pads_of(objects[ROLES[BODY]])
@@ -41,11 +42,10 @@ def lander_json(built: Built, settings: Settings, poses: Mapping[str, np.ndarray
     keypoints = describe_keypoints(settings, pads_m, links, poses, matrix, {
         eye: _without_margins(read_depth(_truth_file(folder, eye).read_bytes()), camera) for eye in EYES})
     return {"lander": {
-        "links": [{"name": link, "instance": INSTANCES[link],
+        "links": [{"name": link, "instance": INSTANCES[keys[link]],
                    **{f"link_to_{eye}": (np.linalg.inv(poses[eye]) @ pose).tolist() for eye in EYES}}
                   for link, pose in links.items()],
-        "joints": list(JOINTS), "joints_deg": np.degrees(real_rad(settings.arm)).tolist(),
-        "commanded_deg": np.degrees(commanded_rad(settings.arm)).tolist(), "pads_m": pads_m,
+        **joint_facts(settings), "pads_m": pads_m,
         "reached_ground": contact.reached_ground, "collisions": [list(pair) for pair in contact.collisions],
         "clearance_m": {link: (None if np.isnan(height) else height) for link, height in contact.clearances_m.items()},
         "keypoints": keypoints}}
@@ -64,9 +64,9 @@ def _truth_file(folder: Path, eye: str) -> Path:
 
 def _real_poses(objects: Mapping[str, Any], settings: Settings, site_m: float) -> dict[str, np.ndarray]:
     """Poses of the links: in double precision from the settings, unless the user has moved the object."""
-    found = {}
+    found, keys = {}, names_of_links(settings)
     for link, pose in link_poses(settings, site_m).items():
-        if ROLES[link] in objects:
-            there = np.array(objects[ROLES[link]].matrix_world)
+        if (role := ROLES[keys[link]]) in objects:
+            there = np.array(objects[role].matrix_world)
             found[link] = pose if np.abs(there - pose).max() < _ROUNDING else there
     return found

@@ -32,6 +32,12 @@ _SHAPE, _LOOK, _LIGHT, _LANDER, _CAMERA, _SAMPLING, _RESPONSE = map(
 _MAST = {("rig", key) for key in ("x_m", "y_m", "height_m", "heading_deg", "pitch_deg", "baseline_m")}
 
 
+#: What the path of a scoop depends on where it is that of the arm's joints: the arm's sizes and where it stands.
+_DIGS = {("rig", key) for key in ("x_m", "y_m", "heading_deg", "baseline_m")} | {
+    ("lander", key) for key in ("kind", "file", "turn_deg")} | {
+    (topic, key) for topic, key in _LANDER if topic == "arm" and key.endswith("_m")}
+
+
 def _part(settings: Settings, keys: Iterable[tuple[str, str]]) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     for topic, key in sorted(keys):
@@ -45,8 +51,9 @@ def geometry(settings: Settings) -> Parts:
 
 
 def _geometry(settings: Settings) -> dict[str, dict[str, Any]]:
+    joints = settings.excavation.path == "JOINTS"
     around = settings.rocks.coverage > 0 and settings.rocks.clear_radius_m > 0
-    return _part(settings, _SHAPE | (_SITE if around else set()))
+    return _part(settings, _SHAPE | (_SITE if around else set()) | (_DIGS if joints else set()))
 
 
 def scene(settings: Settings) -> Parts:

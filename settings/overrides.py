@@ -185,7 +185,7 @@ class MantleOverrides(TypedDict, total=False):
 class ExcavationOverrides(TypedDict, total=False):
     """Changes of ``excavation``."""
 
-    path: Literal["NONE", "LINE", "ARC", "RECORDED"]
+    path: Literal["NONE", "LINE", "ARC", "RECORDED", "JOINTS"]
     state: int  # states
     states: int  # states
     file: str
@@ -455,7 +455,9 @@ class RigOverrides(TypedDict, total=False):
 class LanderOverrides(TypedDict, total=False):
     """Changes of ``lander``."""
 
-    kind: Literal["NONE", "PARAMETRIC"]
+    kind: Literal["NONE", "PARAMETRIC", "OWN"]
+    file: str
+    joints: str
     turn_deg: float  # deg
     deck_front_m: float  # m
     deck_width_m: float  # m

@@ -388,14 +388,17 @@ EXCAVATION = Topic("excavation", "Excavation", "A trench that a scoop digs, and 
                      ("LINE", "Line", "Straight and parallel to the ground, with upright ends, one bite deeper in each "
                       "state"),
                      ("ARC", "Arc", "The blade swings into the ground, goes along the line and swings out again"),
-                     ("RECORDED", "Recorded", "Places of the blade from a CSV file"))),
+                     ("RECORDED", "Recorded", "Places of the blade from a CSV file"),
+                     ("JOINTS", "Recorded Joints", "Places of the scoop's tip, from joint angles of the arm in a CSV "
+                      "file"))),
     Setting("state", "State", 2, "State of the excavation: 0 is untouched ground. A sweep of it makes a series",
             "geometry", "states", 0, 99, (0, 7)),
     Setting("states", "States", 3, "Number of states of the excavation, the untouched ground included. All of them "
             "have the same fine mesh", "geometry", "states", 1, 100, (1, 12)),
     Setting("file", "Recorded Path", "", "CSV file whose first line names the columns state (from 1), x_m, y_m (east "
-            "and north of the origin) and depth_m (of the blade's edge below the plane of the untouched ground). // is "
-            "the folder of the .blend file", "geometry", subtype="FILE_PATH", trust="read"),
+            "and north of the origin) and depth_m (of the blade's edge below the plane of the untouched ground); for "
+            "recorded joints state, yaw_deg, shoulder_deg, elbow_deg, wrist_deg and roll_deg. // is the folder of the "
+            ".blend file", "geometry", subtype="FILE_PATH", trust="read"),
     _metres("start_x_m", "Start East", 0.0, -1.0e4, 1.0e4, (-3.0, 3.0), "Where the blade starts, east of the origin",
             "geometry"),
     _metres("start_y_m", "Start North", 2.0, -1.0e4, 1.0e4, (0.0, 4.0), "Where the blade starts, north of the origin",
@@ -809,7 +812,13 @@ LIGHT = Topic("light", "Light", "The Sun and the planet, which are the only ligh
 LANDER = Topic("lander", "Lander", "A lander whose mast carries the cameras, with an arm in front of them", (
     Setting("kind", "Lander", "NONE", "The lander in the picture", "lander",
             choices=(("NONE", "None", "No lander"),
-                     ("PARAMETRIC", "Parametric", "Deck, two legs, mast and arm of the sizes that are stated here"))),
+                     ("PARAMETRIC", "Parametric", "Deck, two legs, mast and arm of the sizes that are stated here"),
+                     ("OWN", "Own Arm", "Deck, two legs and mast as Parametric, with an arm from a URDF file"))),
+    Setting("file", "Arm's File", "", "URDF file of your own arm, with meshes as STL or OBJ beside it. Its first link "
+            "stands at the place of the shoulder. // is the folder of the .blend file", "lander", subtype="FILE_PATH",
+            trust="read"),
+    Setting("joints", "Joints", "", "Angles of the joints of your own arm, as name=value in degrees (metres for one "
+            "that slides), with spaces between; 0 for those that are not named", "lander", trust="name"),
     _degrees("turn_deg", "Turn of the Deck", 0.0, -180.0, 180.0,
              "Direction of the lander to the right of the rig's heading", "lander"),
     _metres("deck_front_m", "Deck Front", 0.4, 0.15, 5.0, (0.2, 1.0),

@@ -13,6 +13,7 @@ from ..errors import IcyMoonError
 from ..files import absolute_path, sha256
 from ..formats import mesh_file, mesh_images
 from ..paper_stand_ins.items import RECIPE, items_of
+from ..physics.arm.own_arm import arm_files
 from ..typed_settings import Settings
 from .table import TOPICS
 
@@ -31,8 +32,10 @@ def used_files(settings: Settings, blend_folder: str | None = None) -> dict[str,
                   if s.subtype == "FILE_PATH" and settings.textures[s.key]}
     if settings.rocks.law == "TABLE" and settings.rocks.coverage > 0:
         named["rocks.file"] = str(settings.rocks.file)
-    if settings.excavation.path == "RECORDED":
+    if settings.excavation.path in ("RECORDED", "JOINTS"):
         named["excavation.file"] = str(settings.excavation.file)
+    if settings.lander.kind == "OWN":
+        named["lander.file"] = str(settings.lander.file)
     if settings.light.directions_from == "KERNELS":
         named["light.kernels"] = str(settings.light.kernels)
     return {name: absolute_path(text, name, blend_folder) for name, text in named.items()}
@@ -66,6 +69,8 @@ def _parts(settings: Settings, name: str, path: Path) -> list[Path]:
     if name == "source.file":
         shown = mesh_images.find_images(path).files() if settings.textures.set == "MESH" else []
         return [*mesh_file.find_geometry_files(path), *shown]
+    if name == "lander.file":
+        return arm_files(path)
     return sorted(part for part in path.iterdir() if part.is_file()) if path.is_dir() else [path]
 
 

@@ -19,6 +19,7 @@ from ...errors import IcyMoonError
 from ...physics.excavation import site as sites
 from ...physics.excavation.dig import Series
 from ...physics.excavation.grid import Grid
+from ...physics.excavation.paths import JOINTS
 from ...physics.mesh.patch_hole import cut_hole, inside_loop, rim_of
 from ...physics.rocks.rocks import HeightAt
 from ...physics.terrain.terrain import Terrain
@@ -121,7 +122,9 @@ def _prepare(make: Callable[[Settings], Terrain], settings: Settings) -> _Prepar
         x, y = site.grid.east_m[None, :], site.grid.north_m[:, None]
         before = np.asarray(made.surface.heights(x, y, 2 * site.grid.cell_m), np.float64)
         joined = join(made, site.grid, before)
-        _last = _Prepared(key, joined, Series(site, settings.excavation, int(settings.dataset.seed), before))
+        level = float(made.surface.heights(np.array([settings.rig.x_m]), np.array([settings.rig.y_m]), 0.0)[0])
+        _last = _Prepared(key, joined, Series(site, settings.excavation, int(settings.dataset.seed), before,
+                                              level if settings.excavation.path == JOINTS else None))
     return _last
 
 

@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 
 from ...physics.arm.collisions import Heights, find_self_collisions, ground_clearances_m, lines_of
+from ...physics.arm.lander_arm import arm_of, joint_values
 from ...physics.arm.lander_solids import body_capsules
-from ...physics.arm.parametric import arm_of, real_rad
 from ...physics.mesh.mesh_heights import MeshGround
 from ...typed_settings import Settings
 
@@ -40,7 +40,7 @@ class Contact:
 
 def find_contact(settings: Settings, site_m: float, terrain: bpy.types.Object) -> Contact:
     """What the arm of complete settings touches, on the triangles of the ground."""
-    arm, joints = arm_of(settings, site_m), real_rad(settings.arm)
+    arm, joints = arm_of(settings, site_m), joint_values(settings)
     ends = np.array([end for line in lines_of(arm, joints) for end in (line.start, line.end)])
     heights = _heights_near(terrain, ends.min(axis=0)[:2] - _MARGIN_M, ends.max(axis=0)[:2] + _MARGIN_M)
     return Contact(ground_clearances_m(arm, joints, heights),

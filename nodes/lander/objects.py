@@ -8,9 +8,11 @@ from mathutils import Matrix
 
 from ...labels import FIRST_LINK_INSTANCE
 from ...physics.arm.kinematics import forward, pose
-from ...physics.arm.lander_solids import BODY, HEAD, head_solid, pad_centres, solids_of
-from ...physics.arm.parametric import arm_of, lander_pose, real_rad
+from ...physics.arm.lander_arm import arm_of, joint_values, solids_of
+from ...physics.arm.lander_solids import BODY, HEAD, LEGS, MAST, head_solid, pad_centres
+from ...physics.arm.parametric import JOINTS, lander_pose
 from ...physics.arm.solids import Solid
+from ...physics.arm.urdf import MOST_LINKS
 from ...physics.light.directions import camera_axes
 from ...typed_settings import Settings
 from ..datablocks.fingerprint import NAME, TAG
@@ -20,10 +22,19 @@ from .materials import build_materials
 
 #: Property of the body: heights of the ground under the pads over that under the left camera, in metres.
 PADS = "icymoon_pads_m"
-_LINKS = (BODY, "turret", "upper_arm", "forearm", "hand", "scoop", HEAD)
+_LINKS = (BODY, *JOINTS.values(), HEAD, MAST, *LEGS)
+#: Links of the user's own arm have roles by number.
+_OWN_LINKS = tuple(f"own {k:02d}" for k in range(MOST_LINKS))
 #: Role of the object of each link, and label of its instance.
-ROLES = {link: f"lander {link}" for link in _LINKS}
-INSTANCES = {link: FIRST_LINK_INSTANCE + k for k, link in enumerate(_LINKS)}
+ROLES = {link: f"lander {link}" for link in (*_LINKS, *_OWN_LINKS)}
+INSTANCES = {link: FIRST_LINK_INSTANCE + k for k, link in enumerate(ROLES)}
+
+
+def names_of_links(settings: Settings) -> dict[str, str]:
+    """The key in ``ROLES`` and ``INSTANCES`` of each link of these settings, by its name."""
+    moving = [link for link in arm_of(settings).links if link not in _LINKS]
+    return {**{link: link for link in _LINKS}, **dict(zip(moving, _OWN_LINKS, strict=False))}
+
 
 def _find_pads_m(settings: Settings, site_m: float, terrain: bpy.types.Object) -> list[float]:
     """Heights in metres of the ground's mesh under the left and the right pad over ``site_m``; 0 beside the ground."""
@@ -39,14 +50,15 @@ def build_lander(settings: Settings, site_m: float, terrain: bpy.types.Object) -
     pads_m = _find_pads_m(settings, site_m, terrain)
     materials = build_materials(settings.lander.frost_share)
     solids = {**solids_of(settings, pads_m), HEAD: head_solid(settings)}
-    made = [_build_link(link, solids[link], materials) for link in _LINKS]
+    keys = names_of_links(settings)
+    made = [_build_link(link, keys[link], solid, materials) for link, solid in solids.items()]
     bpy.data.batch_remove([each for each in materials.values() if each.users == 0])
     made[0][PADS] = pads_m
     place_lander({item[TAG]: item for item in made}, settings, site_m)
     return made
 
 
-def _build_link(link: str, solid: Solid, materials: dict[str, bpy.types.Material]) -> bpy.types.Object:
+def _build_link(link: str, key: str, solid: Solid, materials: dict[str, bpy.types.Material]) -> bpy.types.Object:
     title = f"{NAME} Lander {link.replace('_', ' ').title()}"
     mesh = build_mesh_from_arrays(title, solid.vertices.astype(np.float32), solid.triangles.astype(np.int32))
     used = list(dict.fromkeys(solid.materials))
@@ -55,7 +67,7 @@ def _build_link(link: str, solid: Solid, materials: dict[str, bpy.types.Material
     mesh.polygons.foreach_set("material_index", np.array([used.index(name) for name in solid.materials], np.int32))
     mesh.polygons.foreach_set("use_smooth", solid.smooth)
     item = bpy.data.objects.new(title, mesh)
-    item[TAG], item.pass_index = ROLES[link], INSTANCES[link]
+    item[TAG], item.pass_index = ROLES[key], INSTANCES[key]
     return item
 
 
@@ -63,14 +75,17 @@ def link_poses(settings: Settings, site_m: float) -> dict[str, np.ndarray]:
     """Pose (4, 4) in the world of each link's frame, in double precision."""
     arm, rig = arm_of(settings, site_m), settings.rig
     head = pose(camera_axes(rig.heading_deg, rig.pitch_deg), (rig.x_m, rig.y_m, site_m + rig.height_m))
-    return {BODY: lander_pose(settings, site_m), **dict(zip(arm.links, forward(arm, real_rad(settings.arm)),
-                                                            strict=True)), HEAD: head}
+    still = lander_pose(settings, site_m)
+    return {**dict.fromkeys((BODY, MAST, *LEGS), still),
+            **dict(zip(arm.links, forward(arm, joint_values(settings)), strict=True)), HEAD: head}
 
 
 def place_lander(objects: dict[str, bpy.types.Object], settings: Settings, site_m: float) -> None:
     """Put the objects, by role, where the settings have them."""
+    keys = names_of_links(settings)
     for link, place in link_poses(settings, site_m).items():
-        objects[ROLES[link]].matrix_world = Matrix(place.tolist())
+        if (role := ROLES[keys[link]]) in objects:  # a link of the user's arm may have nothing to see
+            objects[role].matrix_world = Matrix(place.tolist())
 
 
 def pads_of(body: bpy.types.Object) -> list[float]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...typed_settings import Settings
-from .lander_solids import keypoints_of
+from .lander_arm import keypoints_of
 
 
 def describe_keypoints(settings: Settings, pads_m: list[float], links: Mapping[str, np.ndarray],

@@ -20,8 +20,8 @@ from .solids import Solid, ball, box, join, lathe, moved, prism, rod
 
 #: Materials of the lander.
 METAL, BLACK, FOIL, WHITE, STEEL, TUBE = "metal", "black", "foil", "white", "steel", "tube"
-#: The part that does not move.
-BODY = "body"
+#: The parts that do not move.
+BODY, MAST, LEGS = "body", "mast", ("leg_left", "leg_right")
 #: What the cameras are in, which turns with the rig.
 HEAD = "head"
 #: Thickness of the deck, and depth of the body under it, in metres.
@@ -30,13 +30,19 @@ _ABOUT_Y = pose(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
 _ABOUT_Z = pose(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0]))
 
 
-def solids_of(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dict[str, Solid]:
-    """The solid of each link by name: the body, then the links of the arm, each in its own frame.
+def still_solids(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dict[str, Solid]:
+    """What does not move, by name, in the lander's frame: the body, the mast if the cameras are over the deck, and
+    the legs. ``pads_m`` are the heights of the ground under the left and the right pad over the level of that frame."""
+    lander, top = settings.lander, settings.lander.deck_height_m
+    mast = _mast(settings, top)
+    return {BODY: _body(settings), **({MAST: join(mast)} if mast else {}),
+            **{leg: join(_leg(lander, (x, y, ground - lander.pad_sink_m), _deck(lander)))
+               for leg, (x, y), ground in zip(LEGS, pad_centres(lander), pads_m, strict=True)}}
 
-    ``pads_m`` are the heights of the ground under the left and the right pad over the level of the lander's frame.
-    """
-    arm = settings.arm
-    return {BODY: _body(settings, pads_m), "turret": _turret(arm), "upper_arm": _segment(arm.upper_m, 0.042, 0.075, 1),
+
+def arm_solids(arm: ArmSettings) -> dict[str, Solid]:
+    """The solid of each link of the parametric arm by name, in its own frame."""
+    return {"turret": _turret(arm), "upper_arm": _segment(arm.upper_m, 0.042, 0.075, 1),
             "forearm": _segment(arm.fore_m, 0.034, 0.062, -1), "hand": _hand(arm), "scoop": _scoop(arm)}
 
 
@@ -142,23 +148,23 @@ def _wall(start: tuple[float, float], end: tuple[float, float], width: float, th
     return moved(box(METAL, (along, width, thick), (along / 2, 0.0, -thick / 2), 0.0005), turned)
 
 
-def _body(settings: Settings, pads_m: Sequence[float]) -> Solid:
-    lander, arm = settings.lander, settings.arm
-    front, half, top = lander.deck_front_m, lander.deck_width_m / 2, lander.deck_height_m
+def _deck(lander: LanderSettings) -> tuple[float, float, float, float]:
+    """The deck's front, half its width, its top, and the floor of the body under it, in the lander's frame."""
+    top = lander.deck_height_m
+    return lander.deck_front_m, lander.deck_width_m / 2, top, max(top - _PLATE_M - _BODY_M, 0.3 * top)
+
+
+def _body(settings: Settings) -> Solid:
+    front, half, top, floor = _deck(settings.lander)
     corner = 0.3 * half
     outline = [(front, -half + corner), (front, half - corner), (front - corner, half), (front - 1.1, half),
                (front - 1.4, half - corner), (front - 1.4, corner - half), (front - 1.1, -half),
                (front - corner, -half)]
     under = top - _PLATE_M
-    floor = max(under - _BODY_M, 0.3 * top)
     parts = [prism(WHITE, outline, under, top, 0.008),
              prism(FOIL, [(x * 0.93 - 0.01, y * 0.9) for x, y in outline], floor, under - 0.002, 0.0, 0.86)]
     parts += _deck_parts(front, half, corner, top)
-    parts += _boom(arm, front, top)
-    parts += _mast(settings, top)
-    for (x, y), ground in zip(pad_centres(lander), pads_m, strict=True):
-        parts += _leg(lander, (x, y, ground - lander.pad_sink_m), (front, half, top, floor))
-    return join(parts)
+    return join([*parts, *_boom(settings.arm, front, top)])
 
 
 def _deck_parts(front: float, half: float, corner: float, top: float) -> list[Solid]:
@@ -258,21 +264,26 @@ def body_capsules(settings: Settings) -> tuple[Capsule, ...]:
     return tuple(Capsule(-1, local(start), local(end), radius) for start, end, radius in found)
 
 
-#: Points on the links by name: the link, a place in its frame, and how far in metres the surface may be in front of it.
-def keypoints_of(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> list[tuple[str, str, np.ndarray, float]]:
-    """(name, link, place (3,) in the link's frame, radius) of the points whose pixels are recorded.
+#: A point on a link: its name, the link, a place (3,) in the link's frame, and how far in metres the surface may be in
+#: front of it. Joints are the middle of their drum, whose surface is up to the radius in front of it.
+Keypoint = tuple[str, str, np.ndarray, float]
 
-    Joints are the middle of their drum, whose surface is up to the radius in front of it.
-    """
-    arm, lander = settings.arm, settings.lander
+
+def arm_keypoints(arm: ArmSettings) -> list[Keypoint]:
+    """The points of the parametric arm."""
     w, d, length = arm.scoop_width_m / 2, arm.scoop_depth_m, arm.scoop_length_m
     points = [("shoulder", "upper_arm", (0.0, 0.0, 0.0), 0.1), ("elbow", "forearm", (0.0, 0.0, 0.0), 0.09),
               ("wrist", "hand", (0.0, 0.0, 0.0), 0.07), ("hand_end", "hand", (arm.hand_m, 0.0, 0.0), RADII_M["hand"]),
               ("tip", "scoop", (length, 0.0, 0.0), 0.01),
               *((f"tip_{side}", "scoop", (length, sign * w, 0.0), 0.01) for side, sign in (("left", 1), ("right", -1))),
               *((f"heel_{side}", "scoop", (0.0, sign * w, -d), 0.01) for side, sign in (("left", 1), ("right", -1)))]
-    points += [(f"pad_{side}", BODY, (x, y, z - lander.pad_sink_m + 0.42 * lander.pad_diameter_m / 2), 0.06)
-               for side, (x, y), z in zip(("left", "right"), pad_centres(lander), pads_m, strict=True)]
+    return [(name, link, np.array(place), radius) for name, link, place, radius in points]
+
+
+def still_keypoints(lander: LanderSettings, pads_m: Sequence[float] = (0.0, 0.0)) -> list[Keypoint]:
+    """The points of deck and pads; ``pads_m`` as in ``still_solids``."""
+    points = [(f"pad_{side}", leg, (x, y, z - lander.pad_sink_m + 0.42 * lander.pad_diameter_m / 2), 0.06)
+              for side, leg, (x, y), z in zip(("left", "right"), LEGS, pad_centres(lander), pads_m, strict=True)]
     front, half, top = lander.deck_front_m, 0.7 * lander.deck_width_m / 2, lander.deck_height_m
     points += [(f"deck_{side}", BODY, (front, sign * half, top), 0.01) for side, sign in (("left", 1), ("right", -1))]
     return [(name, link, np.array(place), radius) for name, link, place, radius in points]

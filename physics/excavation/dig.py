@@ -38,12 +38,16 @@ class State:
 
 @dataclass
 class Series:
-    """The states of an excavation that have been dug so far; the first is the untouched ground."""
+    """The states of an excavation that have been dug so far; the first is the untouched ground.
+
+    ``level_m`` is the height that depths count from where the path is that of the arm's joints.
+    """
 
     site: Site
     excavation: ExcavationSettings
     seed: int
     before_m: np.ndarray
+    level_m: float | None = None
     states: list[State] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -89,7 +93,9 @@ class Series:
 
     @property
     def plane(self) -> np.ndarray:
-        """The plane (3,) of the untouched ground that depths count from, see ``cut.fit_plane``."""
+        """The plane (3,) that depths count from: of the untouched ground, see ``cut.fit_plane``, or level."""
+        if self.level_m is not None:
+            return np.array([self.level_m, 0.0, 0.0])
         return fit_plane(self.site.grid, self.before_m, [pull for each in self.site.pulls for pull in each])
 
     def _cut(self, layers: Layers, number: int) -> np.ndarray:

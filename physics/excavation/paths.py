@@ -14,7 +14,7 @@ from ...records import read_number_lines
 from ...typed_settings import ExcavationSettings
 from .cut import Pull
 
-NONE, LINE, ARC, RECORDED = "NONE", "LINE", "ARC", "RECORDED"
+NONE, LINE, ARC, RECORDED, JOINTS = "NONE", "LINE", "ARC", "RECORDED", "JOINTS"
 #: Columns that a recorded path must have.
 COLUMNS = ("state", "x_m", "y_m", "depth_m")
 #: Points of an arc: straight between them, it is within 1e-5 of its radius.
@@ -58,13 +58,14 @@ def _recorded(excavation: ExcavationSettings) -> list[list[Pull]]:
     for state in range(1, states):
         points = table[table[:, 0] == state, 1:]
         made.append([pull for a, b in itertools.pairwise(points)
-                     if (pull := _between(a, b, float(excavation.width_m))) is not None])
+                     if (pull := between(a, b, float(excavation.width_m))) is not None])
     if not any(made):
         raise IcyMoonError(f"{path}: has no state from 1 with two places that differ; give the path of the blade.")
     return made
 
 
-def _between(a: np.ndarray, b: np.ndarray, width_m: float) -> Pull | None:
+def between(a: np.ndarray, b: np.ndarray, width_m: float) -> Pull | None:
+    """The straight pull between two places (east, north, depth); None if they are above each other."""
     length = math.hypot(b[0] - a[0], b[1] - a[1])
     if length == 0.0:
         return None

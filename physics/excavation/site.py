@@ -12,7 +12,8 @@ from ...typed_settings import ExcavationSettings, Settings
 from .cut import Pull, bounds_of
 from .grid import Grid, covering
 from .heap import Heap, ridge_height_m
-from .paths import ARC, NONE, RECORDED, make_pulls
+from .joint_paths import make_joint_pulls
+from .paths import ARC, JOINTS, NONE, RECORDED, make_pulls
 from .strength import GRAVITY_M_S2, critical_height_m
 
 #: Vertices along a side of the grid at most, and its margin round trench and heap.
@@ -42,7 +43,8 @@ def gravity_m_s2(settings: Settings) -> float:
 class Site:
     """The pulls of each state after the first, where the spoil goes, the grid, and the wall that just stands.
 
-    ``trench_m`` is west, south, east and north end of the trench in its last state.
+    ``trench_m`` is west, south, east and north end of the trench in its last state, ``deepest_m`` how far below the
+    untouched ground the blade goes at most.
     """
 
     pulls: tuple[tuple[Pull, ...], ...]
@@ -50,6 +52,7 @@ class Site:
     grid: Grid
     stands_m: float
     trench_m: tuple[float, float, float, float]
+    deepest_m: float
 
 
 def make_site(settings: Settings) -> Site:
@@ -57,6 +60,10 @@ def make_site(settings: Settings) -> Site:
 
     Raises IcyMoonError for what cannot be dug.
     """
+    if settings.excavation.path == JOINTS:
+        found, deepest = make_joint_pulls(settings)
+        return _lay_out(settings.excavation, tuple(map(tuple, found)), [pull for each in found for pull in each],
+                        deepest, gravity_m_s2(settings))
     return _site(json.dumps({key: settings.excavation[key] for key in _OF_THE_SITE}), gravity_m_s2(settings))
 
 
@@ -74,6 +81,12 @@ def _site(key: str, gravity: float) -> Site:
     if not every:  # one state only: where the first bite would be
         every = [pull for each in make_pulls(excavation | {"states": 2}) for pull in each]
     deepest = max((float(pull.depth_m.max()) for pull in every), default=0.0)
+    return _lay_out(excavation, pulls, every, deepest, gravity)
+
+
+def _lay_out(excavation: ExcavationSettings, pulls: tuple[tuple[Pull, ...], ...], every: list[Pull], deepest: float,
+             gravity: float) -> Site:
+    """The site of pulls; ``every`` are those that its size depends on, ``deepest`` is below the ground in metres."""
     stands = critical_height_m(excavation.cohesion_pa, excavation.friction_deg, excavation.density_kg_m3, gravity)
     slope = math.tan(math.radians(excavation.friction_deg))
     slumped = 0.5 * max(deepest, 0.0) / slope if deepest > stands else 0.0
@@ -90,7 +103,7 @@ def _site(key: str, gravity: float) -> Site:
         raise IcyMoonError(f"Trench and heap cover {grid.columns * cell:.3g} x {grid.rows * cell:.3g} m, which is "
                            f"{grid.columns} x {grid.rows} cells of {cell:g} m, more than {MOST_SIDE} along a side; "
                            "raise excavation.cell_m, or dig less.")
-    return Site(pulls, heap, grid, stands, trench)
+    return Site(pulls, heap, grid, stands, trench, deepest)
 
 
 def _place_heap(excavation: ExcavationSettings, pulls: list[Pull], deepest: float,
@@ -100,8 +113,8 @@ def _place_heap(excavation: ExcavationSettings, pulls: list[Pull], deepest: floa
     ends = [(first.place(*pull.point(float(along), 0.0))) for pull in pulls for along in pull.along_m[[0, -1]]]
     start, end = min(float(a) for a, _ in ends), max(float(a) for a, _ in ends)
     half = excavation.width_m / 2 + max(abs(float(right)) for _, right in ends)
-    length = (end - start) if excavation.path == RECORDED else float(excavation.length_m)
-    low, high = (start, end) if excavation.path == RECORDED else (0.0, length)
+    length = (end - start) if excavation.path in (RECORDED, JOINTS) else float(excavation.length_m)
+    low, high = (start, end) if excavation.path in (RECORDED, JOINTS) else (0.0, length)
     area = (end - start + 2 * slumped) * (2 * half + 2 * slumped)
     volume = excavation.heaped_share * excavation.bulking * area * max(deepest, 0.0)
     height = ridge_height_m(max(volume, 1e-9), length, excavation.friction_deg)
@@ -143,7 +156,7 @@ def advice(settings: Settings) -> list[str]:
     if not is_dug(settings) or find_reasons(settings):
         return []
     excavation, site, said = settings.excavation, make_site(settings), []
-    deepest = max((float(pull.depth_m.max()) for each in site.pulls for pull in each), default=0.0)
+    deepest = site.deepest_m if any(site.pulls) else 0.0
     if deepest <= 0:
         said.append("Nothing is dug in any state, because the blade never goes below the ground; raise "
                     "excavation.bite_m, or keep it for a series of ground that does not change.")

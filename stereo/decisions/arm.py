@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ...physics.arm.kinematics import forward
-from ...physics.arm.lander_solids import solids_of
+from ...physics.arm.lander_solids import arm_solids
 from ...physics.arm.parametric import arm_of, commanded_rad
 from ...render.pairs.pair_folder import Pair
 from ..images.exr import NORMAL_PASSES, read_truth
@@ -34,16 +34,16 @@ class Scoop:
 
 
 def find_scoop(pair: Pair, pose: np.ndarray, random: np.random.Generator) -> Scoop | None:
-    """The scoop of a pair whose left eye has this ``pose`` (4, 4); None if there is no arm in it."""
+    """The scoop of a pair whose left eye has this ``pose`` (4, 4); None if there is no arm of ours in it."""
     links = {link["name"]: link for link in pair.data.get("lander", {}).get("links", ())}
-    if SCOOP not in links:
+    if SCOOP not in links or pair.settings.lander.kind != "PARAMETRIC":
         return None
     instance = read_truth(pair.truth("left"), "left", NORMAL_PASSES).instance
     if instance is None:
         return None
     site_m = float(pose[2, 3]) - pair.settings.rig.height_m
     arm, joints = arm_of(pair.settings, site_m), commanded_rad(pair.settings.arm)
-    solid = solids_of(pair.settings)[SCOOP]
+    solid = arm_solids(pair.settings.arm)[SCOOP]
     middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
     return Scoop(pair.camera.cropped(instance) == links[SCOOP]["instance"],
                  pose @ np.array(links[SCOOP]["link_to_left"], np.float64), forward(arm, joints)[-1],

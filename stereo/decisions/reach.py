@@ -12,8 +12,8 @@ _ANYWHERE_DEG = 180.0
 
 
 def has_arm(settings: Settings) -> bool:
-    """Whether the settings state an arm, so that some ground is out of its reach."""
-    return settings.lander.kind != "NONE"
+    """Whether the settings state an arm whose reach is known, so that some ground is out of it: not the user's own."""
+    return settings.lander.kind == "PARAMETRIC"
 
 
 def find_margins(settings: Settings, site_m: float, east_m: np.ndarray, north_m: np.ndarray,

@@ -16,7 +16,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...files import write_json
 from ...formats.ply import write_triangles
-from ...physics.arm.lander_solids import solids_of
+from ...physics.arm.lander_arm import solids_of
 from ...physics.arm.silhouette import find_silhouette
 from ...physics.arm.solids import Solid
 from ...render.pairs.pair_folder import EYES

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from icymoon.physics.arm.keypoints import describe_keypoints
 from icymoon.physics.arm.kinematics import forward, pose
-from icymoon.physics.arm.lander_solids import BODY, body_capsules, head_solid, keypoints_of, solids_of
+from icymoon.physics.arm.lander_arm import keypoints_of, solids_of
+from icymoon.physics.arm.lander_solids import BODY, LEGS, MAST, body_capsules, head_solid
 from icymoon.physics.arm.parametric import arm_of, real_rad
 from icymoon.physics.arm.solids import Solid, ball, box, join, lathe, moved, prism, rod
 from icymoon.settings.description import defaults, merged
@@ -58,7 +59,7 @@ def test_moving_and_joining_keep_volumes():
 def test_the_lander_has_a_solid_for_each_link_whose_vertices_are_near_its_capsules():
     settings = defaults()
     found = solids_of(settings)
-    assert list(found) == [BODY, "turret", "upper_arm", "forearm", "hand", "scoop"]
+    assert list(found) == [BODY, MAST, *LEGS, "turret", "upper_arm", "forearm", "hand", "scoop"]
     for solid in found.values():
         assert np.isfinite(solid.vertices).all()
         assert solid.triangles.max() < len(solid.vertices)
@@ -68,10 +69,10 @@ def test_the_lander_has_a_solid_for_each_link_whose_vertices_are_near_its_capsul
 
 def test_the_pads_stand_in_the_ground_under_them():
     settings = merged(defaults(), {"lander": {"pad_sink_m": 0.05}})
-    level, raised = solids_of(settings)[BODY], solids_of(settings, (0.3, 0.0))[BODY]
-    assert level.vertices[:, 2].min() == pytest.approx(-0.05, abs=1e-6)
-    left = raised.vertices[(raised.vertices[:, 1] > 0.9) & (raised.vertices[:, 0] > 0.9)]
-    assert left[:, 2].min() == pytest.approx(0.25, abs=1e-6)
+    level, raised = solids_of(settings), solids_of(settings, (0.3, 0.0))
+    assert [level[leg].vertices[:, 2].min() for leg in LEGS] == pytest.approx([-0.05, -0.05], abs=1e-6)
+    assert [raised[leg].vertices[:, 2].min() for leg in LEGS] == pytest.approx([0.25, -0.05], abs=1e-6)
+    assert [np.sign(level[leg].vertices[:, 1].mean()) for leg in LEGS] == [1.0, -1.0]
 
 
 def test_the_housing_of_the_cameras_is_behind_both_eyes():
@@ -81,16 +82,18 @@ def test_the_housing_of_the_cameras_is_behind_both_eyes():
 @pytest.mark.parametrize("height_m", [0.3, 1.0, 2.0])
 def test_no_part_of_the_lander_is_around_an_eye(height_m):
     settings = merged(defaults(), {"rig": {"height_m": height_m}})
-    body = solids_of(settings)[BODY]
-    mast = body.vertices[(np.abs(body.vertices[:, 1]) < 0.1) & (np.abs(body.vertices[:, 0] + 0.09) < 0.06)]
+    found = solids_of(settings)
+    assert (MAST in found) == (height_m > settings.lander.deck_height_m + 0.27)
+    still = np.concatenate([found[part].vertices for part in (BODY, MAST) if part in found])
+    mast = still[(np.abs(still[:, 1]) < 0.1) & (np.abs(still[:, 0] + 0.09) < 0.06)]
     assert mast[:, 2].max(initial=0.0) <= max(height_m, settings.lander.deck_height_m + 0.3)
     assert len(body_capsules(settings)) > 5
 
 
 def test_keypoints_are_where_a_pinhole_puts_them_and_hidden_where_something_is_nearer():
     settings = defaults()
-    links = {BODY: np.eye(4), **dict(zip(arm_of(settings).links, forward(arm_of(settings), real_rad(settings.arm)),
-                                         strict=True))}
+    links = {**dict.fromkeys((BODY, *LEGS), np.eye(4)),
+             **dict(zip(arm_of(settings).links, forward(arm_of(settings), real_rad(settings.arm)), strict=True))}
     down = pose(np.array([[0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]), (1.0, 0.2, 5.0))
     matrix = np.array([[100.0, 0.0, 160.0], [0.0, 100.0, 120.0], [0.0, 0.0, 1.0]])
     far, near = np.full((240, 320), 9.0), np.full((240, 320), 1.0)
@@ -106,7 +109,7 @@ def test_keypoints_are_where_a_pinhole_puts_them_and_hidden_where_something_is_n
 
 def test_keypoints_behind_an_eye_have_no_pixel():
     settings = defaults()
-    links = {link: np.eye(4) for link in (BODY, *arm_of(settings).links)}
+    links = {link: np.eye(4) for link in (BODY, *LEGS, *arm_of(settings).links)}
     away = pose(place=(0.0, 0.0, 9.0))  # looks up, all is below
     found = describe_keypoints(settings, [0.0, 0.0], links, {"left": away}, np.eye(3), {"left": np.zeros((2, 2))})
     assert all(entry["left_px"] is None and not entry["visible_left"] for entry in found)

@@ -1,0 +1,181 @@
+"""The user's own arm from a URDF file, in the terms of ``kinematics`` and ``solids``.
+
+Its first link stands where the shoulder of the parametric arm would, x forward, y left, z up. A joint that does not
+move, and the first link, have limits of 0.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import absolute_path, shorten
+from ...typed_settings import Settings
+from .kinematics import Arm, Capsule, Joint, pose
+from .link_mesh import read_link_mesh
+from .solids import Solid, ball, box, join, lathe, moved
+from .urdf import FIXED, SLIDES, Shape, Urdf, read_urdf
+
+#: Links of this size in metres are likely in another unit; most triangles of the whole arm.
+_WIDEST_M, MOST_TRIANGLES = 20.0, 1_000_000
+_ABOUT_Z = pose(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @ np.diag([-1.0, -1.0, 1.0]))
+_METAL = "metal"
+#: Parts of our lander, whose names the user's links do not take.
+OURS = ("body", "mast", "leg_left", "leg_right", "head")
+
+
+@dataclass(frozen=True)
+class OwnArm:
+    """Joints as ``kinematics.Arm`` has them, for each a number in ``moving`` or -1, the factor and the offset that its
+    value is made with, the names of the joints that move by themselves, and the solids by link."""
+
+    joints: tuple[Joint, ...]
+    moving: np.ndarray
+    factors: np.ndarray
+    offsets: np.ndarray
+    names: tuple[str, ...]
+    solids: dict[str, Solid]
+    capsules: tuple[Capsule, ...]
+
+    def values(self, commanded: np.ndarray) -> np.ndarray:
+        """Radians or metres of all joints from those that move by themselves."""
+        padded = np.append(commanded, 0.0)
+        return np.asarray(self.factors * padded[self.moving] + self.offsets)
+
+    def slides(self, name: str) -> bool:
+        return next(joint.slides for joint in self.joints if joint.name == name)
+
+
+def own_arm(settings: Settings) -> OwnArm:
+    """The arm of ``lander.file``. Raises IcyMoonError for a file that cannot be used."""
+    path = absolute_path(settings.lander.file, "lander.file")
+    return _load(path, _state(path))
+
+
+def arm_files(path: Path) -> list[Path]:
+    """A URDF file and the meshes that it names. Raises IcyMoonError for a file that cannot be used."""
+    return [path, *_read(path, _state(path)).files]
+
+
+def arm_of_file(own: OwnArm, base: np.ndarray) -> Arm:
+    """The arm with its first link at ``base`` (4, 4); its tip is the origin of the last link."""
+    return Arm(own.joints, base, np.zeros(3), own.capsules)
+
+
+def commanded(own: OwnArm, text: str) -> np.ndarray:
+    """Radians or metres of the joints that move, from ``lander.joints``: ``name=value`` in degrees or metres, or values
+    in the order of the file; 0 where none is given. Raises IcyMoonError for other text."""
+    found = dict.fromkeys(own.names, 0.0)
+    for k, word in enumerate(text.replace(",", " ").replace(";", " ").split()):
+        name, equals, number = word.rpartition("=")
+        if not equals:
+            name = own.names[k] if k < len(own.names) else ""
+        if name not in found:
+            raise IcyMoonError(f"lander.joints has {shorten(word)!r}, but the joints of the arm that move are "
+                               f"{shorten(', '.join(own.names)) or 'none'}; write name=value for each.")
+        try:
+            value = float(number)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise IcyMoonError(f"lander.joints has {shorten(word)!r}; give a number, in degrees, or metres for a joint "
+                               "that slides.")
+        found[name] = value if own.slides(name) else math.radians(value)
+    return np.array([found[name] for name in own.names])
+
+
+def _state(path: Path) -> tuple[int, int]:
+    try:
+        there = path.stat()
+    except OSError as error:
+        raise IcyMoonError(f"{path}: cannot be read ({error.strerror}); check lander.file.") from None
+    return there.st_size, there.st_mtime_ns
+
+
+@lru_cache(maxsize=8)
+def _read(path: Path, _state: tuple[int, int]) -> Urdf:
+    return read_urdf(path)
+
+
+def _load(path: Path, state: tuple[int, int]) -> OwnArm:
+    urdf = _read(path, state)
+    return _build(path, state, tuple((file, *_state(file)) for file in urdf.files))
+
+
+@lru_cache(maxsize=4)
+def _build(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, int], ...]) -> OwnArm:
+    urdf = _read(path, state)
+    names = _link_names(urdf)
+    order = [urdf.root, *(joint.child for joint in urdf.joints)]
+    still = Joint("", names[urdf.root], -1, pose(), np.array([0.0, 0.0, 1.0]), 0.0, 0.0)
+    joints = (still, *(Joint(each.name, names[each.child], order.index(each.parent), each.origin, each.axis, each.low,
+                             each.high, each.kind in SLIDES) for each in urdf.joints))
+    free = [each.name for each in urdf.joints if each.kind not in FIXED and each.mimic is None]
+    follows = [(None, 1.0, 0.0), *((each.name if each.name in free else None, 1.0, 0.0) if each.mimic is None
+                                   else each.mimic for each in urdf.joints)]
+    solids = {names[link]: solid for link in order
+              if (solid := _solid(path, link, urdf.links[link])) is not None}
+    if (count := sum(len(solid.triangles) for solid in solids.values())) > MOST_TRIANGLES:
+        raise IcyMoonError(f"{path}: its meshes have {count} triangles, more than {MOST_TRIANGLES}; make them coarser.")
+    return OwnArm(joints, np.array([free.index(name) if name else -1 for name, _, _ in follows]),
+                  np.array([factor for _, factor, _ in follows]), np.array([offset for *_, offset in follows]),
+                  tuple(free), solids, _capsules(joints, solids))
+
+
+def _link_names(urdf: Urdf) -> dict[str, str]:
+    """Our name of each link: its own, unless a part of the lander has it."""
+    return {link: f"arm_{link}" if link in OURS else link for link in urdf.links}
+
+
+def _solid(path: Path, link: str, shapes: tuple[Shape, ...]) -> Solid | None:
+    if not shapes:
+        return None
+    whole = join([_of_shape(shape) for shape in shapes])
+    if (widest := float(np.abs(whole.vertices).max())) > _WIDEST_M:
+        raise IcyMoonError(f"{path}: link {link} reaches {widest:.3g} m; its mesh is likely in millimetres: give it "
+                           "scale=\"0.001 0.001 0.001\".")
+    return whole
+
+
+def _of_shape(shape: Shape) -> Solid:
+    if shape.file is not None:
+        vertices, triangles = read_link_mesh(shape.file)
+        if np.prod(shape.size) < 0:  # a mirrored mesh is inside out
+            triangles = triangles[:, ::-1]
+        made = Solid(vertices * shape.size, triangles, (_METAL,) * len(triangles), np.zeros(len(triangles), bool))
+    elif shape.kind == "box":
+        made = box(_METAL, shape.size, bevel_m=0.002)
+    elif shape.kind == "sphere":
+        made = ball(_METAL, (0.0, 0.0, 0.0), shape.size[0])
+    else:
+        radius, half = shape.size[0], shape.size[1] / 2
+        made = moved(lathe(_METAL, [(-half, 0.0), (-half, radius), (half, radius), (half, 0.0)]), _ABOUT_Z)
+    return moved(made, shape.origin)
+
+
+def _capsules(joints: tuple[Joint, ...], solids: Mapping[str, Solid]) -> tuple[Capsule, ...]:
+    """A capsule around each link: along its longest direction, as wide as its farthest vertex from that line."""
+    found = []
+    for k, joint in enumerate(joints):
+        if joint.link not in solids:
+            continue
+        places = solids[joint.link].vertices
+        middle = (places.max(axis=0) + places.min(axis=0)) / 2
+        along = np.linalg.svd(places[:: max(1, len(places) // 5000)] - middle, full_matrices=False)[2][0]
+        at = (places - middle) @ along
+        aside = np.linalg.norm(places - middle - at[:, None] * along, axis=1)
+        radius = float(aside.max())
+        # Each vertex is within a ball of this radius about a place of the line that is this far from its own.
+        slack = np.sqrt(np.maximum(radius**2 - aside**2, 0.0))
+        low, high = float((at + slack).min()), float((at - slack).max())
+        if low > high:
+            low = high = (low + high) / 2
+        start, end = (tuple(float(each) for each in middle + t * along) for t in (low, high))
+        found.append(Capsule(k, start, end, radius))  # type: ignore[arg-type]
+    return tuple(found)

@@ -1,0 +1,272 @@
+"""A robot's description in URDF (wiki.ros.org/urdf/XML): links with shapes, joints with limits.
+
+The file comes from a stranger: document types (with entities that grow without end) are refused before it is parsed,
+meshes are read from its own folder only, and what it states is checked before it is used.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+from urllib.parse import unquote
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import read_text, shorten
+
+#: Largest file in bytes, and most links, of which each gets a label of its own.
+MOST_BYTES, MOST_LINKS = 4_000_000, 50
+FIXED, TURNS, SLIDES = ("fixed",), ("revolute", "continuous"), ("prismatic",)
+#: Largest coordinate in metres of an origin, a limit or a size.
+_MOST_M = 1e3
+
+
+@dataclass(frozen=True)
+class Shape:
+    """What is seen of a link: a mesh ``file`` with its ``scale`` (3,), or a solid with its ``size`` in metres.
+
+    ``kind`` is mesh, box (three sides), cylinder (radius and length, about z) or sphere (radius); ``origin`` (4, 4) its
+    pose in the link's frame.
+    """
+
+    kind: str
+    origin: np.ndarray
+    size: tuple[float, ...]
+    file: Path | None = None
+
+
+@dataclass(frozen=True)
+class UrdfJoint:
+    """A joint. ``origin`` (4, 4) is the child's pose in the parent's frame at 0, ``axis`` (3,) a unit vector in the
+    child's frame, limits radians or metres. ``mimic`` is the joint that it follows, times a factor, plus an offset."""
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    origin: np.ndarray
+    axis: np.ndarray
+    low: float
+    high: float
+    mimic: tuple[str, float, float] | None
+
+
+@dataclass(frozen=True)
+class Urdf:
+    """A tree of links: ``links`` with their shapes, ``joints`` so that a parent's joint comes before its children's."""
+
+    root: str
+    links: dict[str, tuple[Shape, ...]]
+    joints: tuple[UrdfJoint, ...]
+
+    @property
+    def files(self) -> list[Path]:
+        """The mesh files, each once."""
+        return list(dict.fromkeys(shape.file for shapes in self.links.values() for shape in shapes
+                                  if shape.file is not None))
+
+
+def read_urdf(path: Path) -> Urdf:
+    """The robot of a file. Raises IcyMoonError, with what is wrong and where, for one that cannot be used."""
+    return _Reader(path).read()
+
+
+class _Reader:
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def fail(self, what: str, fix: str = "correct the file") -> NoReturn:
+        raise IcyMoonError(f"{self.path}: {what}; {fix}.")
+
+    def read(self) -> Urdf:
+        robot = self._parse()
+        links = self._by_name(robot, "link")
+        if not links:
+            self.fail("has no link", "give a URDF file, expanded from xacro")
+        if len(links) > MOST_LINKS:
+            self.fail(f"has {len(links)} links, more than {MOST_LINKS}", "merge those that do not move")
+        joints = [self._joint(name, item, set(links)) for name, item in self._by_name(robot, "joint").items()]
+        root, joints = self._sort(list(links), joints)
+        self._check_mimics(joints)
+        return Urdf(root, {name: self._shapes(name, item) for name, item in links.items()}, tuple(joints))
+
+    def _parse(self) -> ElementTree.Element:
+        try:
+            if self.path.stat().st_size > MOST_BYTES:
+                self.fail(f"is larger than {MOST_BYTES // 1_000_000} MB", "give a URDF file")
+            text = read_text(self.path)
+        except OSError as error:
+            self.fail(f"cannot be read ({error.strerror})", "check lander.file")
+        except ValueError as error:
+            self.fail(f"is no text ({error})", "give a URDF file")
+        # Entities are defined in a document type only; without one nothing grows and no other file is read.
+        if "<!DOCTYPE" in text.upper() or "<!ENTITY" in text.upper():
+            self.fail("has a document type, whose entities may grow without end", "remove it")
+        try:
+            robot = ElementTree.fromstring(text.encode())
+        except (ElementTree.ParseError, ValueError, RecursionError) as error:
+            self.fail(f"is no XML ({error})", "give a URDF file")
+        if robot.tag != "robot":
+            self.fail(f"begins with <{shorten(robot.tag)}> and not with <robot>", "give a URDF file")
+        return robot
+
+    def _by_name(self, robot: ElementTree.Element, tag: str) -> dict[str, ElementTree.Element]:
+        found: dict[str, ElementTree.Element] = {}
+        for item in robot.findall(tag):
+            name = (item.get("name") or "").strip()
+            if not name or len(name) > 80 or not name.isprintable():
+                self.fail(f"has a {tag} whose name is empty, too long or not printable", "name it")
+            if name in found:
+                self.fail(f"has two {tag}s that are called {name}", "rename one")
+            found[name] = item
+        return found
+
+    def _numbers(self, text: str | None, count: int, where: str, most: float = _MOST_M) -> np.ndarray:
+        words = (text or "").split()
+        try:
+            found = np.array([float(word) for word in words])
+        except ValueError:
+            found = np.empty(0)
+        if len(found) != count or not np.isfinite(found).all() or np.abs(found).max(initial=0.0) > most:
+            self.fail(f"{where} is {shorten(text or '')!r}, not {count} number{'s' if count > 1 else ''} up to "
+                      f"{most:g}")
+        return found
+
+    def _origin(self, item: ElementTree.Element, where: str) -> np.ndarray:
+        """Pose (4, 4) of an element's origin: turned about fixed x, then y, then z."""
+        pose, origin = np.eye(4), item.find("origin")
+        if origin is None:
+            return pose
+        pose[:3, 3] = self._numbers(origin.get("xyz", "0 0 0"), 3, f"xyz of {where}")
+        (r, p, y) = self._numbers(origin.get("rpy", "0 0 0"), 3, f"rpy of {where}")
+        (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in (r, p, y))
+        pose[:3, :3] = [[cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+                        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+                        [-sp, cp * sr, cp * cr]]
+        return pose
+
+    def _joint(self, name: str, item: ElementTree.Element, links: set[str]) -> UrdfJoint:
+        kind = item.get("type", "")
+        if kind not in (*FIXED, *TURNS, *SLIDES):
+            self.fail(f"joint {name} has the type {shorten(kind)!r}, which is none of "
+                      f"{', '.join((*FIXED, *TURNS, *SLIDES))}", "change it")
+        ends = []
+        for tag in ("parent", "child"):
+            link = item.find(tag)
+            ends.append(link.get("link", "") if link is not None else "")
+            if ends[-1] not in links:
+                self.fail(f"the {tag} of joint {name} is {shorten(ends[-1])!r}, which is no link of the file")
+        axis = item.find("axis")
+        along = self._numbers(axis.get("xyz") if axis is not None else "1 0 0", 3, f"the axis of joint {name}")
+        length = float(np.linalg.norm(along))
+        if kind not in FIXED and length < 1e-9:
+            self.fail(f"the axis of joint {name} has no length", "give a direction such as 0 0 1")
+        low, high = self._limits(name, kind, item)
+        return UrdfJoint(name, kind, ends[0], ends[1], self._origin(item, f"joint {name}"),
+                         along / length if length >= 1e-9 else np.array([1.0, 0.0, 0.0]), low, high,
+                         self._mimic(name, item))
+
+    def _limits(self, name: str, kind: str, item: ElementTree.Element) -> tuple[float, float]:
+        if kind in FIXED:
+            return 0.0, 0.0
+        if kind == "continuous":
+            return -math.inf, math.inf
+        limit = item.find("limit")
+        if limit is None:
+            self.fail(f"joint {name} is {kind} and has no limit", "add one, or make it continuous")
+        low, high = (float(self._numbers(limit.get(end, "0"), 1, f"the limit {end} of joint {name}")[0])
+                     for end in ("lower", "upper"))
+        if low > high:
+            self.fail(f"the limits of joint {name} are {low:g} to {high:g}", "exchange them")
+        return low, high
+
+    def _mimic(self, name: str, item: ElementTree.Element) -> tuple[str, float, float] | None:
+        mimic = item.find("mimic")
+        if mimic is None:
+            return None
+        factor, offset = (float(self._numbers(mimic.get(key, default), 1, f"{key} of joint {name}")[0])
+                          for key, default in (("multiplier", "1"), ("offset", "0")))
+        return mimic.get("joint", ""), factor, offset
+
+    def _check_mimics(self, joints: Iterable[UrdfJoint]) -> None:
+        leaders = {joint.name for joint in joints if joint.mimic is None and joint.kind not in FIXED}
+        for joint in joints:
+            if joint.mimic is not None and joint.mimic[0] not in leaders:
+                self.fail(f"joint {joint.name} follows {shorten(joint.mimic[0])!r}, which is no joint that moves by "
+                          "itself")
+
+    def _sort(self, links: list[str], joints: list[UrdfJoint]) -> tuple[str, list[UrdfJoint]]:
+        """The root and the joints in the order of the tree."""
+        into: dict[str, UrdfJoint] = {}
+        for joint in joints:
+            if joint.child in into:
+                self.fail(f"link {joint.child} hangs on two joints, {into[joint.child].name} and {joint.name}",
+                          "remove one")
+            into[joint.child] = joint
+        roots = [link for link in links if link not in into]
+        if not roots:
+            self.fail("its joints make a ring, so that no link is the first", "remove a joint")
+        if len(roots) > 1:
+            self.fail(f"the links {roots[0]} and {roots[1]} hang on no joint", "connect them or remove one")
+        found, reached = [], {roots[0]}
+        while next_ones := [joint for joint in joints if joint.parent in reached and joint.child not in reached]:
+            found += next_ones
+            reached |= {joint.child for joint in next_ones}
+        if len(reached) < len(links):
+            left = next(link for link in links if link not in reached)
+            self.fail(f"link {left} is in a ring of joints that the first link is not in", "remove a joint")
+        return roots[0], found
+
+    def _shapes(self, name: str, item: ElementTree.Element) -> tuple[Shape, ...]:
+        found = []
+        for visual in item.findall("visual"):
+            where = f"a visual of link {name}"
+            geometry = visual.find("geometry")
+            inside = geometry[0] if geometry is not None and len(geometry) else None
+            if inside is None:
+                self.fail(f"{where} has no geometry")
+            found.append(self._shape(inside, self._origin(visual, where), where))
+        return tuple(found)
+
+    def _shape(self, item: ElementTree.Element, origin: np.ndarray, where: str) -> Shape:
+        if item.tag == "mesh":
+            scale = self._numbers(item.get("scale", "1 1 1"), 3, f"the scale of {where}")
+            if (scale == 0).any():
+                self.fail(f"the scale of {where} has a 0")
+            return Shape("mesh", origin, tuple(scale), self._find(item.get("filename", ""), where))
+        sizes = {"box": (("size", 3),), "cylinder": (("radius", 1), ("length", 1)), "sphere": (("radius", 1),)}
+        if item.tag not in sizes:
+            self.fail(f"{where} is a {shorten(item.tag)!r}, which is none of mesh, {', '.join(sizes)}")
+        size = tuple(float(value) for key, count in sizes[item.tag]
+                     for value in self._numbers(item.get(key), count, f"{key} of {where}"))
+        if min(size) <= 0:
+            self.fail(f"{where} has a size that is not above 0")
+        return Shape(item.tag, origin, size)
+
+    def _find(self, name: str, where: str) -> Path:
+        """The mesh of a name, in the folder of the URDF or of its package, and nowhere else."""
+        folder = self.path.resolve().parent
+        inside = next((each for each in (folder, folder.parent) if (each / "package.xml").is_file()), folder)
+        text = unquote(name)
+        if "://" in text and not text.startswith(("package://", "file://")):
+            self.fail(f"the mesh of {where} is {shorten(text)!r}, which is no file of the folder", "copy it there")
+        if text.startswith("package://"):
+            package, _, rest = text.removeprefix("package://").partition("/")
+            places = [inside / rest, inside / package / rest, folder / rest]
+        else:
+            places = [folder / text.removeprefix("file://")]
+        try:
+            found = next((place for place in (each.resolve() for each in places) if place.is_file()),
+                         places[0].resolve())
+        except (OSError, ValueError):
+            self.fail(f"the mesh of {where} is {shorten(text)!r}, which can be no file")
+        if not found.is_relative_to(inside):
+            self.fail(f"the mesh of {where}, {shorten(text)!r}, is outside {inside}", "copy it into that folder")
+        if not found.is_file():
+            self.fail(f"the mesh of {where}, {shorten(text)!r}, is not in {inside}", "copy it there")
+        return found

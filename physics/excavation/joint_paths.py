@@ -1,0 +1,108 @@
+"""The path of a scoop from recorded angles of the arm's joints, by the arm's forward kinematics.
+
+Heights are absolute here: the arm stands on the level of the ground under the left camera, and so depths count from
+there and not from the plane of the untouched ground.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+
+from ...errors import IcyMoonError
+from ...files import absolute_path
+from ...records import read_number_lines
+from ...typed_settings import Settings
+from ..arm.kinematics import Arm, Joint, beyond_limits, tip_of
+from ..arm.lander_arm import arm_of, is_own
+from ..arm.own_arm import OwnArm, own_arm
+from ..terrain.sites import make_rocky_ground
+from .cut import Pull
+from .paths import between
+
+#: Between two recorded lines the joints turn evenly, in steps of at most this many degrees (or centimetres).
+_STEP_DEG = 1.0
+#: Height in metres over the ground under which a pull counts, so that what is between its ends is not missed.
+_NEAR_M = 0.02
+
+
+def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
+    """The pulls of each state after the first, whose depths are below the level of the ground under the left camera,
+    and how far below the untouched ground the blade goes at most, in metres.
+
+    Raises IcyMoonError, with the line, for what cannot be read and for joints beyond their limits.
+    """
+    path = absolute_path(settings.excavation.file, "excavation.file")
+    arm = arm_of(settings)
+    own = own_arm(settings) if is_own(settings) else None
+    table = _read(path, arm, own)
+    states, width = int(settings.excavation.states), float(settings.excavation.width_m)
+    if (beyond := table[:, 0].max()) >= states:
+        raise IcyMoonError(f"{path}: has a state {beyond:g}, but excavation.states is {states}, so that the last is "
+                           f"{states - 1}; raise excavation.states.")
+    made: list[list[Pull]] = []
+    for state in range(1, states):
+        places = _places(arm, own, table[table[:, 0] == state, 1:])
+        made.append([pull for a, b in itertools.pairwise(places) if (pull := between(a, b, width)) is not None])
+    if not any(made):
+        raise IcyMoonError(f"{path}: has no state from 1 in which the scoop's tip moves; give the joints of its path.")
+    return keep_near_ground(settings, made)
+
+
+def keep_near_ground(settings: Settings, pulls: list[list[Pull]]) -> tuple[list[list[Pull]], float]:
+    """The pulls that come near the untouched ground, and how far below it the blade goes at most, in metres.
+
+    On its way to the trench the scoop digs nothing, and the fine mesh need not be there. All pulls if none comes near.
+    """
+    ground, rig = make_rocky_ground(settings), settings.rig
+    level = float(ground.heights(np.array([rig.x_m]), np.array([rig.y_m]))[0])
+
+    def below_m(pull: Pull) -> float:
+        x, y = np.array([pull.point(float(along), 0.0) for along in pull.along_m]).T
+        return float(np.nanmax(pull.depth_m + ground.heights(x, y) - level, initial=-math.inf))
+
+    depths = {id(pull): below_m(pull) for each in pulls for pull in each}
+    kept = [[pull for pull in each if depths[id(pull)] > -_NEAR_M] for each in pulls]
+    return kept if any(kept) else pulls, max(depths.values())
+
+
+def _read(path: Path, arm: Arm, own: OwnArm | None) -> np.ndarray:
+    """State and joints (n, 1 + joints) in radians or metres of the joints that move."""
+    moving = [joint for joint in arm.joints if own is None or joint.name in own.names]
+    columns = ("state", *(f"{joint.name}_m" if joint.slides else f"{joint.name}_deg" for joint in moving))
+    rows = []
+    for number, row in read_number_lines(path, columns, "excavation.file"):
+        if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
+            raise IcyMoonError(f"{path}: line {number} is no pose of the arm; give a whole state from 1, and "
+                               f"{', '.join(columns[1:])}.")
+        values = np.array([value if joint.slides else math.radians(value)
+                           for value, joint in zip(row[1:], moving, strict=True)])
+        joints = values if own is None else own.values(values)
+        for k in beyond_limits(arm, joints):
+            raise IcyMoonError(f"{path}: line {number} puts the joint {_beyond(arm.joints[k], float(joints[k]))}; "
+                               "correct the line or the limits.")
+        rows.append([row[0], *values])
+    if not rows:
+        raise IcyMoonError(f"{path}: has no line of numbers; give the joints of the scoop's path.")
+    return np.array(rows)
+
+
+def _beyond(joint: Joint, value: float) -> str:
+    unit, scale = (" m", 1.0) if joint.slides else ("°", 180.0 / math.pi)
+    return (f"{joint.name} at {scale * value:.4g}{unit}, but its limits are {scale * joint.low:.4g}{unit} to "
+            f"{scale * joint.high:.4g}{unit}")
+
+
+def _places(arm: Arm, own: OwnArm | None, rows: np.ndarray) -> list[np.ndarray]:
+    """East, north and depth (3,) of the tip along the recorded poses."""
+    if not len(rows):
+        return []
+    steps = [rows[:1]]
+    for a, b in itertools.pairwise(rows):
+        count = max(1, math.ceil(float(np.degrees(np.abs(b - a)).max()) / _STEP_DEG))
+        steps.append(a + np.linspace(0.0, 1.0, count + 1)[1:, None] * (b - a))
+    tips = [tip_of(arm, values if own is None else own.values(values)) for values in np.concatenate(steps)]
+    return [tip * (1.0, 1.0, -1.0) for tip in tips]

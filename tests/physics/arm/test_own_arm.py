@@ -1,0 +1,214 @@
+"""The user's own arm: held against yourdfpy, and what a stranger's file may not do."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.physics.arm.collisions import find_self_collisions, segment_distance
+from icymoon.physics.arm.kinematics import forward
+from icymoon.physics.arm.lander_arm import arm_of, joint_facts, joint_values, keypoints_of, solids_of
+from icymoon.physics.arm.link_mesh import read_link_mesh
+from icymoon.physics.arm.own_arm import arm_of_file, own_arm
+from icymoon.physics.arm.urdf import MOST_LINKS, read_urdf
+from icymoon.physics.refused_scenes import lander_reasons
+from icymoon.settings import user_files
+from icymoon.settings.description import defaults, merged
+from icymoon.typed_settings import Settings
+from urdf_files import CORNERS, FACES, JOINTS, LINKS, visual, write_ascii_stl, write_obj, write_robot, write_stl
+
+
+def described(path, joints: str = "") -> Settings:
+    return merged(defaults(), {"lander": {"kind": "OWN", "file": str(path), "joints": joints}})
+
+
+def test_every_link_is_where_yourdfpy_puts_it(tmp_path):
+    yourdfpy = pytest.importorskip("yourdfpy")  # of the extra "develop"
+    path = write_robot(tmp_path)
+    truth = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=True)
+    own = own_arm(described(path))
+    arm = arm_of_file(own, np.eye(4))
+    assert own.names == tuple(truth.actuated_joint_names) == ("yaw", "pitch", "reach")
+    random, worst = np.random.default_rng(3), 0.0
+    for angles in random.uniform((-math.pi, -1.0, 0.0), (math.pi, 2.0, 0.5), (500, 3)):
+        truth.update_cfg(angles)
+        for link, pose in zip(arm.links, forward(arm, own.values(angles)), strict=True):
+            worst = max(worst, float(np.abs(pose - truth.get_transform(link, "base")).max()))
+    # Metres and sines: some roundings of double precision, and single precision of nothing.
+    assert 0.0 < worst < 1e-12
+
+
+def test_an_arm_adds_up_as_its_joints_do(tmp_path):
+    joints = ('<joint name="a" type="revolute"><parent link="p"/><child link="q"/><origin xyz="0 0 0.5"/>'
+              '<axis xyz="0 -2 0"/><limit lower="-2" upper="2"/></joint>'
+              '<joint name="b" type="prismatic"><parent link="q"/><child link="r"/><origin xyz="1 0 0"/>'
+              '<axis xyz="1 0 0"/><limit lower="0" upper="1"/></joint>')
+    settings = described(write_robot(tmp_path, joints, ("p", "q", "r")), "a=30 b=0.25")
+    arm = arm_of(settings)
+    place = np.linalg.inv(arm.base) @ forward(arm, joint_values(settings))[-1]
+    assert place[:3, 3] == pytest.approx([1.25 * math.cos(math.radians(30)), 0.0, 0.5 + 1.25 * 0.5], abs=1e-12)
+    assert joint_facts(settings)["joints_deg"] == pytest.approx([30.0, 0.25])
+    assert joint_facts(settings)["units"] == ["deg", "m"]
+    assert not list(lander_reasons(settings))
+    (reason,) = lander_reasons(described(tmp_path / "arm.urdf", "a=30 b=1.25"))
+    assert "joint b at 1.25 m" in reason
+    assert "0 m to 1 m" in reason
+
+
+@pytest.mark.parametrize("write", [write_stl, write_ascii_stl, write_obj])
+def test_meshes_of_each_format_are_the_same_triangles(tmp_path, write):
+    vertices, triangles = read_link_mesh(write(tmp_path / f"m.{'obj' if write is write_obj else 'stl'}"))
+    assert np.allclose(vertices[triangles], CORNERS[np.array(FACES)], atol=1e-8)  # STL has single precision
+
+
+def test_a_mesh_is_scaled_turned_and_put_on_its_link(tmp_path):
+    write_stl(tmp_path / "meshes" / "t.STL", 1000.0 * CORNERS)
+    (tmp_path / "package.xml").write_text("<package/>", encoding="utf-8")
+    (tmp_path / "urdf").mkdir()
+    origin = '<origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/>'
+    path = write_robot(tmp_path / "urdf", shapes={
+        "tool": visual("package://robot/meshes/t.STL", "0.001 0.001 0.001", origin),
+        "two": visual("../meshes/t.STL", "0.001 -0.001 0.001")})
+    settings = described(path)
+    solids = solids_of(settings)
+    turned = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    tool = solids["tool"]
+    assert np.allclose(tool.vertices[tool.triangles], CORNERS[np.array(FACES)] @ turned.T + [1, 2, 3], atol=1e-6)
+    for link, solid in (("tool", tool), ("two", solids["two"])):  # mirrored: outside stays outside
+        corners = solid.vertices[solid.triangles]
+        centred = corners - solid.vertices.mean(axis=0)
+        volume = np.einsum("ij,ij->i", centred[:, 0], np.cross(centred[:, 1], centred[:, 2])).sum() / 6
+        assert volume == pytest.approx(0.1**3 / 6, rel=1e-5), link
+    assert {name for name, *_ in keypoints_of(settings)} >= {"geared", "pitch"}
+    files = user_files._parts(settings, "lander.file", path)
+    assert [file.name for file in files] == ["arm.urdf", "t.STL"]
+
+
+def test_capsules_contain_their_links(tmp_path):
+    write_stl(tmp_path / "t.stl")
+    shapes = {"one": '<visual><geometry><box size="0.5 0.1 0.1"/></geometry></visual>',
+              "two": '<visual><geometry><cylinder radius="0.05" length="0.6"/></geometry></visual>',
+              "three": '<visual><geometry><sphere radius="0.2"/></geometry></visual>', "tool": visual("t.stl")}
+    own = own_arm(described(write_robot(tmp_path, shapes=shapes)))
+    assert [own.joints[capsule.link].link for capsule in own.capsules] == ["one", "two", "three", "tool"]
+    for capsule in own.capsules:
+        start, end = np.array(capsule.start), np.array(capsule.end)
+        for point in own.solids[own.joints[capsule.link].link].vertices:
+            assert segment_distance(start, end, point, point) <= capsule.radius_m * (1 + 1e-9) + 1e-12
+
+
+def test_an_arm_that_reaches_into_itself_is_found(tmp_path):
+    shapes = dict.fromkeys(("one", "three"), '<visual><geometry><box size="0.1 0.02 0.02"/></geometry></visual>')
+    joints = JOINTS.replace('xyz="0.4 0 0.1"', 'xyz="-0.3 0 0"').replace('rpy="1.5707963 0.2 -0.4"', "")
+    arm = arm_of(described(write_robot(tmp_path, joints, shapes=shapes)))
+    assert find_self_collisions(arm, np.zeros(len(arm.joints))) == [("one", "three")]
+
+
+BAD_JOINT = '<joint name="j" type="revolute"><parent link="base"/><child link="post"/>{}</joint>'
+LIMIT = '<limit lower="0" upper="1"/>'
+RING = "".join(f'<joint name="{a}{b}" type="fixed"><parent link="{a}"/><child link="{b}"/></joint>'
+               for a, b in (("one", "two"), ("two", "one")))
+
+
+@pytest.mark.parametrize(("joints", "links", "words"), [
+    (BAD_JOINT.format('<axis xyz="0 0 0"/>' + LIMIT), ("base", "post"), "has no length"),
+    (BAD_JOINT.format('<axis xyz="0 nan 1"/>' + LIMIT), ("base", "post"), "not 3 numbers"),
+    (BAD_JOINT.format('<origin xyz="1 2"/>' + LIMIT), ("base", "post"), "not 3 numbers"),
+    (BAD_JOINT.format('<origin xyz="1e9 0 0"/>' + LIMIT), ("base", "post"), "up to 1000"),
+    (BAD_JOINT.format(""), ("base", "post"), "has no limit"),
+    (BAD_JOINT.format('<limit lower="2" upper="1"/>'), ("base", "post"), "exchange them"),
+    (BAD_JOINT.format(LIMIT + '<mimic joint="j"/>'), ("base", "post"), "no joint that moves by itself"),
+    (BAD_JOINT.format(LIMIT).replace("revolute", "floating"), ("base", "post"), "'floating'"),
+    (BAD_JOINT.format(LIMIT), ("base",), "'post', which is no link"),
+    (BAD_JOINT.format(LIMIT), ("base", "post", "loose"), "base and loose hang on no joint"),
+    (RING, ("one", "two"), "make a ring"),
+    (RING, ("base", "one", "two"), "is in a ring"),
+    ("", tuple(f"l{k}" for k in range(MOST_LINKS + 1)), f"more than {MOST_LINKS}"),
+    ("", (), "has no link"),
+    ("", ("same", "same"), "two links that are called same"),
+])
+def test_a_robot_that_cannot_be_is_a_sentence(tmp_path, joints, links, words):
+    path = write_robot(tmp_path, joints, links)
+    with pytest.raises(IcyMoonError) as told:
+        read_urdf(path)
+    assert words in str(told.value)
+    assert str(told.value).startswith(f"{path}: ")
+    assert str(told.value).count("\n") == 0
+    assert words in next(iter(lander_reasons(described(path))))  # refused, not a traceback
+
+
+def test_entities_that_grow_are_refused_before_they_do(tmp_path):
+    laughs = "".join(f'<!ENTITY l{k + 1} "{f"&l{k};" * 10}">' for k in range(9))
+    before = f'<!DOCTYPE robot [<!ENTITY l0 "ha">{laughs}]>'
+    with pytest.raises(IcyMoonError, match="document type"):
+        read_urdf(write_robot(tmp_path, links=("base",), joints="<a>&l9;</a>", before=before))
+    (tmp_path / "arm.urdf").write_text("<robot", encoding="utf-8")
+    with pytest.raises(IcyMoonError, match="is no XML"):
+        read_urdf(tmp_path / "arm.urdf")
+    (tmp_path / "arm.urdf").write_bytes(b"\xff\x00\x81")
+    with pytest.raises(IcyMoonError, match="is no"):
+        read_urdf(tmp_path / "arm.urdf")
+    with pytest.raises(IcyMoonError, match=r"check lander\.file"):
+        read_urdf(tmp_path / "none.urdf")
+
+
+@pytest.mark.parametrize(("mesh", "words"), [
+    ("../secret.stl", "outside"), ("package://robot/../secret.stl", "outside"), ("file:///etc/hostname", "outside"),
+    ("http://example.org/m.stl", "no file of the folder"), ("missing.stl", "is not in"), ("", "is not in"),
+    ("package://robot/missing.stl", "is not in")])
+def test_meshes_are_of_the_robots_own_folder(tmp_path, mesh, words):
+    write_stl(tmp_path / "secret.stl")
+    (tmp_path / "in").mkdir()
+    with pytest.raises(IcyMoonError, match=words):
+        read_urdf(write_robot(tmp_path / "in", shapes={"one": visual(mesh)}))
+
+
+def test_a_link_out_of_the_folder_is_not_followed(tmp_path):
+    secret = write_stl(tmp_path / "secret.stl")
+    (tmp_path / "in").mkdir()
+    try:
+        (tmp_path / "in" / "m.stl").symlink_to(secret)
+    except OSError:
+        pytest.skip("this system makes no links")
+    with pytest.raises(IcyMoonError, match="outside"):
+        read_urdf(write_robot(tmp_path / "in", shapes={"one": visual("m.stl")}))
+
+
+@pytest.mark.parametrize(("name", "content", "words"), [
+    ("m.stl", b"solid\n", "has no triangle"), ("m.stl", b"\0" * 90, "cut off"), ("m.stl", b"", "cut off"),
+    ("m.stl", b"solid\nvertex 1 2 x\nvertex 0 0 0\nvertex 0 1 0\n", "is no STL mesh"),
+    ("m.obj", b"v 0 0 0\nf 1 2 3\n", "a vertex that is not there"), ("m.obj", b"v 1 2\n", "is no OBJ mesh"),
+    ("m.obj", b"v 0 0 inf\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "no place"), ("m.dae", b"<COLLADA/>", "convert this one")])
+def test_a_broken_mesh_is_a_sentence(tmp_path, name, content, words):
+    (tmp_path / name).write_bytes(content)
+    path = write_robot(tmp_path, shapes={"one": visual(name)})
+    (reason,) = lander_reasons(described(path))
+    assert words in reason
+    assert name in reason
+
+
+def test_a_mesh_in_millimetres_is_told(tmp_path):
+    write_stl(tmp_path / "m.stl", 1000.0 * CORNERS)
+    (reason,) = lander_reasons(described(write_robot(tmp_path, shapes={"one": visual("m.stl")})))
+    assert "millimetres" in reason
+
+
+@pytest.mark.parametrize(("joints", "words"), [("elbow=3", "yaw, pitch, reach"), ("yaw=x", "give a number"),
+                                               ("1 2 0 4", "name=value"), ("yaw=nan", "give a number")])
+def test_angles_of_joints_that_are_not_there_are_a_sentence(tmp_path, joints, words):
+    (reason,) = lander_reasons(described(write_robot(tmp_path), joints))
+    assert words in reason
+
+
+def test_values_without_names_are_in_the_order_of_the_file(tmp_path):
+    facts = joint_facts(described(write_robot(tmp_path), "10, 20; 0.3"))
+    assert facts["joints"] == ["yaw", "pitch", "reach"]
+    assert facts["joints_deg"] == pytest.approx([10.0, 20.0, 0.3])
+
+
+def test_a_link_with_a_name_of_ours_gets_another(tmp_path):
+    box = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual>'
+    path = write_robot(tmp_path, JOINTS.replace('"tool"', '"body"'), (*LINKS[:-1], "body"), {"body": box})
+    assert {"body", "arm_body"} <= set(solids_of(described(path)))
