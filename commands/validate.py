@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import IcyMoonError
-from ..files import json_text, write_text
-from ..stereo.environment import packages
-from ..suggestions import nearest
-from ..terminal import as_path, show_progress
-from ..validation.all_comparisons import COMPARISONS
-from ..validation.comparison import AGREES, OFF, Bench, Comparison, Result, load_own_comparison, run_comparison
-from ..validation.tables import cells, markdown_section, replace_sections, summary
+from ..terminal import as_path
+from ..validation.all_comparisons import MODULES
 
 
 def add_verbs(verbs: Any) -> None:
     """Add the verb to the command line's parser."""
-    names = ", ".join(each.name for each in COMPARISONS)
+    names = ", ".join(MODULES)
     verb = verbs.add_parser("validate", help="compare the surfaces and the renders with measurements and with other "
                             "programs, and print how far off they are")
     verb.add_argument("--only", action="append", default=[], metavar="NAME",
@@ -37,76 +29,10 @@ def add_verbs(verbs: Any) -> None:
                       help="page whose sections of these comparisons are written anew")
     verb.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
     verb.add_argument("--json", action="store_true", help="print the results as JSON")
-    verb.set_defaults(run=_run_validate)
+    verb.set_defaults(run=_run)
 
 
-def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) -> list[Comparison]:
-    """The comparisons that are asked for. Raises IcyMoonError for one that is not known, and for two of one name."""
-    known = [*COMPARISONS, *(load_own_comparison(path) for path in own)]
-    names = [each.name for each in known]
-    if double := next((name for name in names if names.count(name) > 1), None):
-        raise IcyMoonError(f"--own: two comparisons are called {double!r}; give yours another name.")
-    for name in only:
-        if name not in names:
-            raise IcyMoonError(f"--only: no comparison is called {name!r}; {nearest(name, names)}")
-    return [each for each in known if (each.name in only if only else each.quick or not quick)]
+def _run(options: argparse.Namespace) -> int:
+    from .run_validation import run_validate  # whose comparisons every other verb would import too
 
-
-def _run_validate(options: argparse.Namespace) -> int:
-    packages.require("numpy", "cv2", "OpenEXR")
-    chosen = choose_comparisons(options.only, options.own_files, options.quick)
-    without = [each for each in chosen if each.needs and each.name not in options.only
-               and getattr(options, each.needs) is None]
-    for each in without:
-        print(f"{each.title}: left out, because it needs data; give their folder by --{each.needs}.", file=sys.stderr)
-    chosen = [each for each in chosen if each not in without]
-    if options.page and not options.page.is_file():
-        raise IcyMoonError(f"--page: there is no page {options.page}; give one that exists.")
-    out = options.out.absolute()
-    results = [_run_one(each, out, options) for each in chosen]
-    out.mkdir(parents=True, exist_ok=True)
-    report = {"passes": all(result.passes for result in results), "quick": options.quick,
-              "comparisons": [result.to_json() for result in results]}
-    write_text(out / "validation.json", json_text(report))
-    write_text(out / "validation.md", "\n".join(markdown_section(result) for result in results))
-    if options.page:
-        page = options.page.read_text(encoding="utf-8")
-        write_text(options.page, replace_sections(page, results))
-    if options.json:
-        print(json.dumps(report))
-    else:
-        print(out / "validation.md")
-    return 0 if report["passes"] else 1
-
-
-def _run_one(comparison: Comparison, out: Path, options: argparse.Namespace) -> Result:
-    if options.json:
-        return run_comparison(comparison, Bench(out, options.blender, options.quick, polar=options.polar))
-    with show_progress(comparison.title) as show:
-        def say(message: dict[str, Any]) -> None:
-            if message["type"] == "progress":
-                show(message)
-
-        result = run_comparison(comparison, Bench(out, options.blender, options.quick, say, options.polar))
-        show({"type": "done"})
-    _print_result(result)
-    return result
-
-
-def _print_result(result: Result) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console()
-    if result.rows:
-        table = Table("", "here", "held against", "allowed", "off by", "verdict")
-        for row in result.rows:
-            quantity, *numbers, verdict, _ = cells(row)
-            table.add_row(quantity.replace("`", ""), *numbers, f"[red]{verdict}[/]" if row.verdict == OFF else verdict)
-        console.print(table)
-    for source in dict.fromkeys(row.source for row in result.rows):
-        console.print(f"  Source: {source}", highlight=False, markup=False)
-    for row in result.rows:
-        if row.why and row.verdict != AGREES:
-            console.print(f"  {row.quantity.replace('`', '')}: {row.why}", highlight=False, markup=False)
-    console.print(summary(result), highlight=False, markup=False)
+    return run_validate(options)

@@ -1,10 +1,18 @@
-"""The comparisons that are shipped, in the order of the page."""
+"""The comparisons that are shipped."""
 
 from __future__ import annotations
 
-from . import colours, moon_albedos, other_codes, polar_sandbox, second_renderer, snow_law, whole_disc
-from .comparison import Comparison
+from importlib import import_module
+from typing import TYPE_CHECKING
 
-COMPARISONS: tuple[Comparison, ...] = (
-    moon_albedos.COMPARISON, colours.COMPARISON, other_codes.COMPARISON, whole_disc.COMPARISON,
-    snow_law.COMPARISON, second_renderer.COMPARISON, polar_sandbox.COMPARISON)
+if TYPE_CHECKING:
+    from .comparison import Comparison
+
+#: Their names and their modules here, in the order of the page. The command line needs the names alone.
+MODULES = {"albedos": "moon_albedos", "colours": "colours", "codes": "other_codes", "disc": "whole_disc",
+           "snow": "snow_law", "mitsuba": "second_renderer", "polar": "polar_sandbox"}
+
+
+def load_comparisons() -> tuple[Comparison, ...]:
+    """The comparisons, in the order of the page."""
+    return tuple(import_module(f"{__package__}.{module}").COMPARISON for module in MODULES.values())

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import math
+import subprocess
+import sys
 
 import cv2
 import numpy as np
 import pytest
 from icymoon.commands.cli import main
-from icymoon.commands.validate import choose_comparisons
+from icymoon.commands.run_validation import choose_comparisons
 from icymoon.errors import IcyMoonError
-from icymoon.validation.all_comparisons import COMPARISONS
+from icymoon.validation.all_comparisons import MODULES, load_comparisons
 from icymoon.validation.comparison import (
     AGREES,
     EXPLAINED,
@@ -92,6 +94,17 @@ def test_a_picture_is_a_png_file_in_the_folder(tmp_path):
     assert (cv2.imread(str(tmp_path / "pictures" / "one.png")) == np.full((3, 4, 3), 7)).all()
 
 
+def test_names_on_the_command_line_are_those_of_the_comparisons():
+    assert [each.name for each in load_comparisons()] == list(MODULES)
+
+
+def test_other_verbs_import_no_comparison():
+    program = ("import sys\nfrom icymoon.commands.cli import main\nmain(['presets'])\n"
+               "print(*(name for name in sys.modules if name.startswith('icymoon.validation.')), file=sys.stderr)")
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=240, check=False)
+    assert ended.stderr.split() == ["icymoon.validation.all_comparisons"]
+
+
 def test_choosing(tmp_path):
     assert [each.name for each in choose_comparisons(["codes"], [], False)] == ["codes"]
     assert all(each.quick for each in choose_comparisons([], [], True))
@@ -124,14 +137,14 @@ def test_a_figure_is_below_the_command(tmp_path):
 
 def test_the_manual_has_a_section_of_every_comparison():
     page = (ROOT / "docs" / "theory" / "validation.md").read_text(encoding="utf-8")
-    for each in COMPARISONS:
+    for each in load_comparisons():
         assert f"## {each.title}\n" in page
         assert f"--only {each.name}`" in page
 
 
 @pytest.mark.parametrize("name", ["albedos", "colours", "codes"])
 def test_what_takes_seconds_passes_and_is_in_the_manual(name, tmp_path):
-    comparison, = (each for each in COMPARISONS if each.name == name)
+    comparison, = (each for each in load_comparisons() if each.name == name)
     found = run_comparison(comparison, Bench(tmp_path, quick=True))
     assert found.passes, summary(found)
     assert markdown_section(found) in (ROOT / "docs" / "theory" / "validation.md").read_text(encoding="utf-8")
