@@ -22,8 +22,11 @@ _BURATTI = ("Buratti et al. 2022, Planetary Science Journal 3, 200, as the progr
 _NARROW = ("Likely cause: two measurements disagree by more than their errors; the preset meets the one that was made "
            "at the smallest phase angles")
 _EARLIER = "Likely cause: two publications disagree by more than their errors; the preset meets the later one"
-_SPIKE = ("Likely cause: a measurement that has only part of the narrow surge. The preset is 0.75 with the surge and, "
-          "see below, 0.62 without; by the colour, also below, another measurement is 0.79 at 0.55 µm")
+_SPIKE = ("Likely cause: a measurement that has only part of the narrow surge below 1° of phase, which Thompson and "
+          "Lockwood 1992 (J. Geophys. Res. 97, abstract) call very strong. The preset is 0.75 with the surge and, see "
+          "below, 0.62 without; by the colour, also below, another measurement is 0.79 at 0.55 µm. Zero point and "
+          "radius are no cause: V(1,0) = -1.41, as planetarium programs quote it, gives 0.68 with a Sun of V = -26.74 "
+          "and a radius of 1560.8 km. Open: by which phases and formula this magnitude was extrapolated to 0°")
 _WITHOUT_SURGE = ("Cause, by the row of the phase integral without the surge: the albedo that it is made with leaves "
                   "the narrow surge out")
 
