@@ -45,12 +45,13 @@ class Scene:
 
 
 _LAMBERT = {"model": "LAMBERT", "albedo": 0.8}
-_HAPKE = {"model": "HAPKE"}
+_HAPKE, _SNOW = {"model": "HAPKE"}, {"model": "SNOW", "albedo": 0.95}
 _HORIZON = {"rig": {"pitch_deg": 12.0}, "light": {"sun_elevation_deg": 30.0, "sun_azimuth_deg": 250.0}}
 _TURNED_AWAY = ("Cause, by the next scene: Mitsuba draws Lambert's law black where a shading normal turns away from a "
                 "camera that sees the facet; Cycles does not")
 _TURNED_FROM_SUN = ("Cause, by the scene with flat facets: on a facet that turns from the Sun, where the smooth normal "
                     "does not, Cycles lets the sunlight in and Mitsuba does not")
+_BEHIND = {"sun_elevation_deg": 40.0, "sun_azimuth_deg": 180.0}
 _LOW = {"light": {"sun_elevation_deg": 20.0, "sun_azimuth_deg": 300.0}}
 _COARSE = ("Cause, by the next scene: shading normals. The renderers differ on facets that turn from the Sun or from "
            "the camera where the smooth normal does not, and here facets are several pixels wide")
@@ -60,14 +61,15 @@ _STEEP = {"rms_slope_deg": 25.0}
 _DEFAULT: Mapping[str, Mapping[str, Any]] = {
     "surface": _LAMBERT, "terrain": {**_STEEP, "inner_scale_m": 0.02},
     "mesh": {"edge_px": 8.0, "error_px": 1.0}, **_LOW}
+#: How a law that is no Lambert's is made in Cycles, and the name of that in scenes.
+_BACKENDS = {"OSL": "OSL", "NODES": "nodes"}
 SCENES = (
     Scene("low Sun", {"surface": _LAMBERT, "light": {"sun_elevation_deg": 8.0, "sun_azimuth_deg": 230.0}}),
     Scene("grazing view to the horizon", {"surface": _LAMBERT, **_HORIZON}, samples=256, why=_TURNED_AWAY),
     Scene("the same with flat facets", {"surface": _LAMBERT, **_HORIZON}, samples=256, flat=True),
-    Scene("grazing view, Hapke by OSL", {"surface": _HAPKE, "hapke": {"backend": "OSL"}, **_HORIZON}, samples=256,
-          why=_TURNED_FROM_SUN),
-    Scene("grazing view, Hapke by nodes", {"surface": _HAPKE, "hapke": {"backend": "NODES"}, **_HORIZON}, samples=256,
-          why=_TURNED_FROM_SUN),
+    *(Scene(f"grazing view, {law} by {name}", {"surface": surface, "hapke": {"backend": backend}, **_HORIZON},
+            samples=256, why=_TURNED_FROM_SUN)
+      for law, surface in (("Hapke", _HAPKE), ("snow", _SNOW)) for backend, name in _BACKENDS.items()),
     Scene("Saturn's light alone", {"surface": _LAMBERT, "light": {
         "sun_elevation_deg": -20.0, "sun_azimuth_deg": 200.0, "planet": True, "planet_elevation_deg": 40.0,
         "planet_azimuth_deg": 250.0, "planet_flattening": 0.098}}, samples=1024),
@@ -75,13 +77,11 @@ SCENES = (
           why=_DARK),
     Scene("deep shadow on the default mesh", _DEFAULT, bounces=3, samples=256, why=_COARSE),
     Scene("the default mesh with flat facets", _DEFAULT, bounces=3, samples=1024, why=_DARK, flat=True),
-    Scene("opposition, Hapke", {"surface": _HAPKE, "hapke": {"backend": "OSL"}, "light": {
-        "sun_elevation_deg": 40.0, "sun_azimuth_deg": 180.0}}),
+    Scene("opposition, Hapke", {"surface": _HAPKE, "hapke": {"backend": "OSL"}, "light": _BEHIND}),
+    Scene("opposition, snow", {"surface": _SNOW, "hapke": {"backend": "OSL"}, "light": _BEHIND}),
     Scene("rocks, three bounces", {"surface": _LAMBERT, "rocks": {"coverage": 0.15}, "light": {
         "sun_elevation_deg": 35.0, "sun_azimuth_deg": 240.0}}, bounces=3, samples=256),
 )
-#: Scenes whose only difference is how Hapke's law is made.
-_OSL, _NODES = "grazing view, Hapke by OSL", "grazing view, Hapke by nodes"
 
 
 def describe_scene(scene: Scene) -> Settings:
@@ -185,8 +185,13 @@ def _rows(scene: Scene, ours: np.ndarray, seen: np.ndarray, theirs: np.ndarray, 
 
 
 def _backend_rows(radiance: Mapping[str, np.ndarray]) -> list[Row]:
-    _, largest, where = _difference(radiance[_OSL], radiance[_NODES])
-    return [Row(f"grazing view, Hapke by OSL beside nodes: {where}", largest, 0.0, _BOUNCED, "nodes, in Cycles too")]
+    """OSL beside nodes, in scenes whose only difference is how their law is made."""
+    rows = []
+    for name in radiance:
+        if (twin := name.replace("by OSL", "by nodes")) != name:
+            _, largest, where = _difference(radiance[name], radiance[twin])
+            rows.append(Row(f"{name} beside nodes: {where}", largest, 0.0, _BOUNCED, "nodes, in Cycles too"))
+    return rows
 
 
 def _export_all(bench: Bench) -> Iterator[tuple[Scene, Pair, Path]]:
@@ -229,10 +234,10 @@ COMPARISON = Comparison(
     "mitsuba", "A second renderer",
     "Scenes rendered in Cycles and, from the export `--format mitsuba`, in Mitsuba 3 (`pip install "
     "'icymoon[validate]'`): the same meshes, camera, Sun's disc and planet, other code for everything else. Radiance "
-    "is compared in 64 regions of the left image; regions darker than 2 % of the mean are compared with that. "
-    "Pictures of both and of their ratio are written into `pictures`. Hapke's law is our own there, so its scenes "
-    "compare geometry and light, not the formula. Triangles are as fine as pixels and the ground is smooth at their "
-    "size, but for the scenes on the default mesh, whose ground also has the default's smallest feature and is steeper "
-    "than the default's. Scenes with flat facets have the ground of the scene before, with vertices of its own for "
-    "each triangle: they show what the shading normals of smooth ground do.",
+    "is compared in 64 regions of the left image; regions darker than 2 % of the mean are compared with that. Pictures "
+    "of both and of their ratio are written into `pictures`. Hapke's law and that of snow are our own there, so their "
+    "scenes compare geometry and light, not the formula. Triangles are as fine as pixels and the ground is smooth at "
+    "their size, but for the scenes on the default mesh, whose ground also has the default's smallest feature and is "
+    "steeper than the default's. Scenes with flat facets have the ground of the scene before, with vertices of its own "
+    "for each triangle: they show what the shading normals of smooth ground do.",
     _compare, quick=False)
