@@ -31,6 +31,10 @@ SURVEYED_LAMPS = {30: (3.594, 1.422, 0.803), 180: (-3.544, 0.475, 0.776), 270: (
                   350: (4.026, -0.896, 0.771)}
 #: Sizes in metres that a rock of the sandbox can have; another one means that a mesh is not in metres.
 _LEAST_M, _MOST_M = 0.01, 2.0
+#: Each rock gives a point of two coordinates to a pose of six numbers and a lens; twice as many are asked for.
+_LEAST_ROCKS = 8
+#: How far a corner that was drawn by hand may be outside its image, as a share of it.
+_OUTSIDE = 0.05
 _LABEL = re.compile(r"(\d+)_([A-Z])_off_(\d+)_([LR])\.txt")
 _ROCK = re.compile(r"terrain(\d+)_rock(\d+)\.obj")
 
@@ -123,6 +127,9 @@ def _read_terrain(name: str, labels: list[tuple[Path, re.Match[str]]],
                                f"{', '.join(map(str, SURVEYED_LAMPS))}. Remove the file.")
         photographs[view, azimuth] = _read_polygons(path)
     terrain = Terrain(name, tuple(read_rock(path, int(found[2])) for path, found in rocks), photographs)
+    if len(rocks) < _LEAST_ROCKS:
+        raise IcyMoonError(f"{rocks[0][0].parent}: terrain {name} has {len(rocks)} rocks, too few to fit a camera to; "
+                           f"add at least {_LEAST_ROCKS - len(rocks)} of its others.")
     for position in terrain.positions:
         if missing := {View(position, eye) for eye in EYES} - set(terrain.views):
             raise IcyMoonError(f"{labels[0][0].parent}: terrain {name} has no photograph of position {position}, eye "
@@ -131,8 +138,12 @@ def _read_terrain(name: str, labels: list[tuple[Path, re.Match[str]]],
 
 
 def _read_polygons(path: Path) -> tuple[Polygon, ...]:
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError:
+        raise IcyMoonError(f"{path}: is no text; get the file again.") from None
     found = []
-    for line, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    for line, text in enumerate(lines, 1):
         try:
             words = text.split()
             numbers = np.array(words[1:] if len(words) % 2 else words[2:], np.float64)
@@ -142,6 +153,9 @@ def _read_polygons(path: Path) -> tuple[Polygon, ...]:
         except (ValueError, IndexError):
             raise IcyMoonError(f"{path}, line {line}: is no polygon (a class from 0 to 3, then at least three pairs "
                                "of x and y); get the file again.") from None
+        if numbers.min() < -_OUTSIDE or numbers.max() > 1 + _OUTSIDE:
+            raise IcyMoonError(f"{path}, line {line}: has a corner at {max(numbers, key=abs):g}, which is no share of "
+                               f"an image from 0 to 1; divide x and y by its {WIDTH_PX} columns and {HEIGHT_PX} rows.")
         found.append(Polygon(kind, numbers.reshape(-1, 2) * [WIDTH_PX, HEIGHT_PX]))
     return tuple(found)
 

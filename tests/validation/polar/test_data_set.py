@@ -41,12 +41,16 @@ def _write(folder, name, text):
     (lambda folder: _remove(folder, "labels/*"), "labels has no files"),
     (lambda folder: (folder / "rocks" / "terrain07_rock1.obj").rename(folder / "rocks" / "terrain09_rock1.obj"),
      "terrain 09 has labels or rocks, but not both"),
+    (lambda folder: _remove(folder, "rocks/*_rock[1-5].obj"), "has 5 rocks, too few .* at least 3 of its others"),
     (lambda folder: _remove(folder, "labels/*_R.txt"), "no photograph of position A, eye R"),
     (lambda folder: _write(folder, "labels/07_D_off_30_L.txt", ""), "no survey of camera position D"),
     (lambda folder: _write(folder, "labels/07_A_off_45_L.txt", ""), "lamp at 45°"),
     (lambda folder: _write(folder, "labels/07_A_off_30_L.txt", "2 0.1 0.2 0.3"), "line 1: is no polygon"),
     (lambda folder: _write(folder, "labels/07_A_off_30_L.txt", "2 0.1 0.2 0.3 nan 0.5 0.6"), "line 1: is no polygon"),
     (lambda folder: _write(folder, "labels/07_A_off_30_L.txt", "\n"), "line 1: is no polygon"),
+    (lambda folder: _write(folder, "labels/07_A_off_30_L.txt", "2 968 608 970 610 960 600"),
+     "corner at 970, which is no share .* 1936 columns and 1216 rows"),
+    (lambda folder: (folder / "labels" / "07_A_off_30_L.txt").write_bytes(b"\xff\xd8\xff"), "is no text"),
     (lambda folder: _write(folder, "rocks/terrain07_rock3.obj", "v 1 2 3\nf 1 2 3"), "no mesh of triangles"),
     (lambda folder: _write(folder, "rocks/terrain07_rock3.obj", "v 1 2 x"), "no mesh of triangles")])
 def test_what_is_wrong_with_a_folder_is_one_sentence(tmp_path, damage, word):
