@@ -147,6 +147,7 @@ def over_button(operator: str, **options: str) -> bool:
         manager().clipboard = ""
         bpy.ops.ui.copy_python_command_button()
     command = manager().clipboard
+    command = command.replace("'", '"')  # which are around the items of a choice
     return command.startswith(f"bpy.ops.{operator}(") and all(f'{k}="{v}"' in command for k, v in options.items())
 
 
