@@ -42,8 +42,11 @@ def check_plan(plan: Plan) -> None:
 
 def varied_settings(pairs: Sequence[PlannedPair]) -> list[tuple[str, str]]:
     """(topic, key) of the settings that are not the same in all pairs."""
+    # Pairs share most of their tables; each is compared once.
+    tables = {topic: list({id(table): table for pair in pairs if (table := pair.settings[topic]) is not None}.values())
+              for topic in dict.fromkeys(topic for topic, _ in all_settings())}
     return [(topic, s.key) for topic, s in all_settings()
-            if any(pair.settings[topic][s.key] != pairs[0].settings[topic][s.key] for pair in pairs)]
+            if any(table[s.key] != tables[topic][0][s.key] for table in tables[topic])]
 
 
 def describe_pair(pair: PlannedPair, names: Sequence[tuple[str, str]]) -> str:

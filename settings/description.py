@@ -241,12 +241,12 @@ def override(text: str) -> Settings:
 
 
 def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "",
-           count: Callable[[Mapping[str, Mapping[str, Value]]], list[Any]] = pair_ids.counted) -> str:
+           count: Callable[[Mapping[str, Mapping[str, Value]]], list[str]] | None = None) -> str:
     """The id of the pair with these settings: twelve hexadecimal digits.
 
     Settings that cannot change a rendered pixel (camera response, paths, threads) do not count. Newer settings count
     only if they differ from ``pair_ids.before``. ``extra`` identifies content that the settings do not describe: files
     of the ground, and edited or added geometry. ``count`` is ``pair_ids.make_counter()`` for many pairs.
     """
-    first, *later = count(settings)
-    return hashlib.sha256(json.dumps([first, extra, *later]).encode()).hexdigest()[:12]
+    first, *later = (count or pair_ids.make_counter())(settings)
+    return hashlib.sha256(f"[{', '.join((first, json.dumps(extra), *later))}]".encode()).hexdigest()[:12]

@@ -9,15 +9,18 @@ a list. Imports no Blender.
 
 from __future__ import annotations
 
+import itertools
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..typed_settings import typed
+from ..typed_settings import Settings, typed
 from .changes import relief_in_mesh
 from .landform_releases import counted_landforms
 from .table import Setting, all_settings
+from .table_texts import MadeOnce
 
 SCHEMA: dict[str, Any] = json.loads(
     Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
@@ -43,38 +46,74 @@ def counted(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
 
     They are the list of the first version and, if there are any, the newer settings that differ from ``before``.
     """
-    return make_counter()(settings)
+    return [json.loads(text) for text in make_counter()(settings)]
 
 
-def make_counter() -> Callable[[Mapping[str, Mapping[str, Any]]], list[Any]]:
-    """``counted`` for many descriptions: which settings count is looked up once for all of them."""
+def make_counter() -> Callable[[Mapping[str, Mapping[str, Any]]], list[str]]:
+    """``counted`` for many descriptions, each of its lists as JSON.
+
+    What a table gives is made once for all descriptions that share the table. It must not be changed meanwhile.
+    """
     columns = [(name, *present_name(name).split(".", 1)) for name in SCHEMA["counted"]]
     special = {name for name, topic, key in columns if name in SCHEMA["gone"] or key == "relief"}
-    newer = [(f"{topic}.{s.key}", topic, s) for topic, s in all_settings() if f"{topic}.{s.key}" in SCHEMA["later"]]
-    later = [(name, topic, s.key, before(name, s)) for name, topic, s in newer if counts(s)]
-    lists = [(topic, s.key, part.key, name, before(name, part)) for topic, s in all_settings() for part in s.entries
-             if (name := f"{topic}.{s.key}.{part.key}") in SCHEMA["later"]]
+    runs = [(topic, MadeOnce(partial(_text_of, [(name, key) for name, _, key in run])) if topic else run[0][0])
+            for topic, run in _split_columns(columns, special)]
+    newer = {topic: MadeOnce(partial(_find_newer, *those)) for topic, those in _newer_settings().items()}
 
-    def count(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
-        first = [[name, _plain(name, value_in_id(name, settings) if name in special else settings[topic][key])]
-                 for name, topic, key in columns]
-        found = [[name, _plain(name, settings[topic][key])] for name, topic, key, old in later
-                 if settings[topic][key] != old]
-        found += [[f"{name} {k}", entry[part]] for topic, key, part, name, old in lists
-                  for k, entry in enumerate(settings[topic][key]) if entry[part] != old]
+    def count(settings: Mapping[str, Mapping[str, Any]]) -> list[str]:
+        first = ", ".join([json.dumps([made, _plain(made, value_in_id(made, settings))]) if isinstance(made, str)
+                           else made.of(settings[topic]) for topic, made in runs])
+        found = [each for topic, made in newer.items() for each in made.of(settings[topic])]
         found += counted_landforms(settings)
-        return [first, sorted(found)] if found else [first]
+        return [f"[{first}]", json.dumps(sorted(found))] if found else [f"[{first}]"]
 
     return count
+
+
+def _split_columns(columns: Sequence[tuple[str, str, str]], special: Collection[str],
+                   ) -> list[tuple[str, list[tuple[str, str, str]]]]:
+    """Neighbours of one topic, with that topic; those whose values depend on other topics one by one, without any."""
+    runs = [(topic, list(run)) for topic, run in
+            itertools.groupby(columns, lambda column: "" if column[0] in special else column[1])]
+    return [(topic, part) for topic, run in runs for part in ([run] if topic else [[each] for each in run])]
+
+
+def _text_of(columns: Sequence[tuple[str, str]], table: Mapping[str, Any]) -> str:
+    return json.dumps([[name, _plain(name, table[key])] for name, key in columns])[1:-1]
+
+
+def _newer_settings() -> dict[str, tuple[list[tuple[str, str, Any]], list[tuple[str, str, str, Any]]]]:
+    """By topic (name, key, value before) of newer settings, and (key, part, name, value before) of newer parts of the
+    tables of its lists."""
+    found: dict[str, tuple[list[tuple[str, str, Any]], list[tuple[str, str, str, Any]]]] = {}
+    for topic, s in all_settings():
+        values, parts = found.setdefault(topic, ([], []))
+        if (name := f"{topic}.{s.key}") in SCHEMA["later"] and counts(s):
+            values.append((name, s.key, before(name, s)))
+        parts += [(s.key, part.key, of, before(of, part)) for part in s.entries
+                  if (of := f"{name}.{part.key}") in SCHEMA["later"]]
+    return {topic: both for topic, both in found.items() if any(both)}
+
+
+def _find_newer(values: Sequence[tuple[str, str, Any]], parts: Sequence[tuple[str, str, str, Any]],
+                table: Mapping[str, Any]) -> list[Any]:
+    """[name, value] of the newer settings of a table that differ from before."""
+    found = [[name, _plain(name, table[key])] for name, key, old in values if table[key] != old]
+    return found + [[f"{name} {k}", entry[part]] for key, part, name, old in parts
+                    for k, entry in enumerate(table[key]) if entry[part] != old]
 
 
 def value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Any:
     """The value of a setting (``topic.key``) from which a pair's id is made."""
     topic, _, key = present_name(name).partition(".")
     value = settings[topic].get(key, SCHEMA["gone"][name]) if name in SCHEMA["gone"] else settings[topic][key]
-    if key == "relief" and value == "REAL" and (topic != "surface" or not relief_in_mesh(typed(settings))):
+    if key == "relief" and value == "REAL" and (topic != "surface" or not relief_in_mesh(_as_typed(settings))):
         return "BUMP"  # real relief that is not in the mesh renders the same pixels, and was called so before
     return value
+
+
+def _as_typed(settings: Mapping[str, Mapping[str, Any]]) -> Settings:
+    return settings if isinstance(settings, Settings) else typed(settings)
 
 
 def _plain(name: str, value: Any) -> Any:

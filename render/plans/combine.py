@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import itertools
-import json
 import math
 import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from pathlib import Path
 
 from ...errors import IcyMoonError
@@ -22,6 +20,7 @@ from ...settings.description import defaults, digest, merged
 from ...settings.pair_ids import make_counter
 from ...settings.preset_files import beside
 from ...settings.table import TOPICS, all_settings
+from ...settings.table_texts import Texts
 from ...settings.user_files import content, used_files
 from ...typed_settings import Settings
 from . import poses, sweeps
@@ -37,9 +36,15 @@ Report = Callable[[int, int], None]
 #: Pairs from one report to the next.
 _REPORTED = 100
 #: Topics that ``refused_scenes.reasons_of_settings`` asks, and what it asks of the terrain.
-_OF_SETTINGS = ("source", "surface", "rock_surface", "hapke", "textures", "rocks", "light")
+_OF_SETTINGS = ("source", "surface", "rock_surface", "hapke", "textures", "rocks", "light", "lander", "arm",
+                "excavation")
 _OF_TERRAIN = ("size_m", "body_radius_m")
 _GEOMETRY = [(topic, s.key) for topic, s in all_settings() if s.effect == "geometry"]
+_RIG = [("rig", s.key) for s in TOPICS["rig"].settings]
+_REASONS = [*((topic, s.key) for topic in _OF_SETTINGS for s in TOPICS[topic].settings),
+            *(("terrain", key) for key in _OF_TERRAIN)]
+_FILES = [(topic, s.key) for topic in ("source", "textures", "rocks", "excavation", "light")
+          for s in TOPICS[topic].settings]
 
 
 @dataclass(frozen=True)
@@ -64,11 +69,6 @@ class _Combination:
     settings: Settings
     parts: tuple[Variation, ...]
 
-    @cached_property
-    def geometry_key(self) -> str:
-        """See ``_geometry_key``."""
-        return _geometry_key(self.settings)
-
     def with_part(self, part: Variation) -> _Combination:
         """This one with a part over it. Both share what the part does not touch, for there may be many."""
         settings = self.settings | {topic: self.settings[topic] | values for topic, values in part.settings.items()}
@@ -88,23 +88,23 @@ class _Combination:
         return self.parts[-1].place if self.parts else None
 
 
-def _geometry_key(settings: Settings) -> str:
-    """What made-up ground and its rocks depend on."""
-    return json.dumps([settings[topic][key] for topic, key in _GEOMETRY])
-
-
 class _Grounds:
     """The made-up grounds of a plan, each made once."""
 
     def __init__(self) -> None:
         self._known: dict[str, RockyGround] = {}
+        self._keys = Texts(_GEOMETRY)
+
+    def key_of(self, settings: Settings) -> str:
+        """What made-up ground and its rocks depend on."""
+        return self._keys.of(settings)
 
     def find(self, settings: Settings) -> RockyGround:
         """The ground of a complete description. Raises IcyMoonError if it is not made up, or contradicts itself."""
         if settings.source.kind != "PROCEDURAL":
             raise IcyMoonError("the ground is a file of your own, whose heights are not known here; state rig.x_m, "
                                "rig.y_m and the pose in a cases sweep")
-        key = _geometry_key(settings)
+        key = self.key_of(settings)
         if key not in self._known:
             self._known[key] = make_rocky_ground(settings)
         return self._known[key]
@@ -128,16 +128,17 @@ def combine(design: Design, most_grounds: int = MOST_GROUNDS, report: Report = l
     """
     grounds = _Grounds()
     made = _deal_grounds(list(_combinations(design)), design)
+    rigs = Texts(_RIG)
     for sweep in sorted((b for b in design.sweeps if b.kind in poses.KINDS), key=lambda b: poses.KINDS.index(b.kind)):
         known: dict[str, list[Variation]] = {}
         made = [each.with_part(_with_file_paths(part, design)) for each in made
-                for part in _place_cameras(sweep, each, grounds, known)]
+                for part in _place_cameras(sweep, each, grounds, rigs, known)]
         check_pair_count(len(made), sweep.place)
     _check_headings(made)
     made = [each for whole in made for each in _headings_of(whole)]
     if design.at_most is not None and design.at_most < len(made):
         made = [made[k * len(made) // design.at_most] for k in range(design.at_most)]
-    looked_at, unchecked = _grounds_to_check(made, most_grounds)
+    looked_at, unchecked = _grounds_to_check(made, grounds, most_grounds)
     refusals = _find_refusals(made, grounds, looked_at, report)
     if refusals and all(refusals):
         raise refusals[0] or AssertionError
@@ -222,11 +223,10 @@ def seeds_of(stated: int | list[int], seed: int) -> list[int]:
     return [int(stream(seed, "plan", k).generate_state(1)[0] >> 1) for k in range(stated)]
 
 
-def _place_cameras(sweep: Sweep, made: _Combination, grounds: _Grounds,
+def _place_cameras(sweep: Sweep, made: _Combination, grounds: _Grounds, rigs: Texts,
                    known: dict[str, list[Variation]]) -> list[Variation]:
     """The cameras that a sweep gives to a combination; those of the same ground and rig are computed once."""
-    rig = made.settings.rig
-    key = made.geometry_key + json.dumps([rig[s.key] for s in TOPICS["rig"].settings])
+    key = grounds.key_of(made.settings) + rigs.of(made.settings)
     if key not in known:
         try:
             known[key] = poses.make_variations(sweep, made.settings, grounds.find)
@@ -271,10 +271,12 @@ def _read_content(made: _Combination) -> str:
         raise _at_place(error, made.place_of("source.file", "textures.albedo_file")) from None
 
 
-def _grounds_to_check(made: Sequence[_Combination], most: int) -> tuple[frozenset[str], frozenset[str]]:
-    """The made-up grounds that a plan is checked on, by ``_geometry_key``: all, or ``most`` evenly among more; and the
-    others."""
-    there = list(dict.fromkeys(each.geometry_key for each in made if each.settings.source.kind == "PROCEDURAL"))
+def _grounds_to_check(made: Sequence[_Combination], grounds: _Grounds,
+                      most: int) -> tuple[frozenset[str], frozenset[str]]:
+    """The made-up grounds that a plan is checked on, by ``_Grounds.key_of``: all, or ``most`` evenly among more; and
+    the others."""
+    there = list(dict.fromkeys(grounds.key_of(each.settings) for each in made
+                               if each.settings.source.kind == "PROCEDURAL"))
     chosen = frozenset(there if len(there) <= most else (there[k * len(there) // most] for k in range(most)))
     return chosen, frozenset(there) - chosen
 
@@ -288,19 +290,23 @@ def _find_refusals(made: list[_Combination], grounds: _Grounds, looked_at: froze
     Raises IcyMoonError for a missing file, and for a camera outside the ground.
     """
     seen: set[str] = set()
+    files, reasons, rigs = Texts(_FILES), Texts(_REASONS), Texts(_RIG)
     known: dict[str, list[Reason]] = {}
     standing_on: dict[int, tuple[RockyGround, list[int]]] = {}
     found: list[list[Reason]] = []
     for k, each in enumerate(made):
         if k % _REPORTED == 0:
             report(k, len(made))
-        _check_files_once(each, seen)
-        key = json.dumps([each.settings[topic] for topic in _OF_SETTINGS]
-                         + [each.settings.terrain[name] for name in _OF_TERRAIN])
+        if (key := files.of(each.settings)) not in seen:
+            seen.add(key)
+            _check_files(each)
+        key = reasons.of(each.settings)
+        if each.settings.lander.kind != "NONE" or each.settings.excavation.path != "NONE":
+            key += rigs.of(each.settings)  # an arm may be around an eye, a trench too far from it
         if key not in known:
             known[key] = refused_scenes.reasons_of_settings(each.settings)
         found.append(list(known[key]))
-        if each.settings.source.kind == "PROCEDURAL" and each.geometry_key in looked_at:
+        if each.settings.source.kind == "PROCEDURAL" and grounds.key_of(each.settings) in looked_at:
             try:
                 ground = grounds.find(each.settings)
                 standing_on.setdefault(id(ground), (ground, []))[1].append(k)
@@ -338,21 +344,13 @@ def _place_named_in(error: IcyMoonError, made: _Combination) -> Place | None:
     return made.place_of(*named)
 
 
-def _check_files_once(made: _Combination, seen: set[str]) -> None:
-    """Refuse a file that is not there, unless another description with the same files has been checked."""
-    key = json.dumps([made.settings[topic] for topic in ("source", "textures", "light")])
-    if key in seen:
-        return
-    seen.add(key)
-    try:
-        _check_files(made)
-    except IcyMoonError as error:
-        raise _at_place(error, _place_named_in(error, made)) from None
-
-
 def _check_files(made: _Combination) -> None:
     """Refuse a file that is not there."""
-    for name, path in used_files(made.settings).items():
+    try:
+        files = used_files(made.settings)
+    except IcyMoonError as error:
+        raise _at_place(error, _place_named_in(error, made)) from None
+    for name, path in files.items():
         if not (path.is_file() or (name == "light.kernels" and path.is_dir())):
             raise _at_place(IcyMoonError(f"{name}: {path} is missing; put it there, or extend this plan by one of your "
                                          "own that names another file, or that states its folder in plan.files."),
