@@ -43,6 +43,8 @@ _STOP = "ICYMOON_STOP"
 #: Environment of a process that computes with images: glibc gives the memory of each array back to Linux and asks for
 #: it again, which takes a tenth of the processor's time, unless it is told to keep that of arrays below 32 MiB.
 KEEPS_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2 ** 25), "MALLOC_TRIM_THRESHOLD_": str(2 ** 29)}
+#: By how much a program is nicer that others go before; the class that Windows calls so.
+_NICER, _BELOW_NORMAL = 10, 0x4000
 _LOOK_S, _GRACE_S = 0.25, 3.0
 _Result = TypeVar("_Result")
 
@@ -423,6 +425,18 @@ def kill_all(process: subprocess.Popen[bytes]) -> None:
         else:
             os.killpg(process.pid, signal.SIGKILL)  # its group has its number, and may outlive it
     process.wait()
+
+
+def lower_priority() -> None:
+    """Let other programs have the processors first."""
+    if is_windows():
+        import ctypes
+
+        kernel = ctypes.WinDLL("kernel32")  # type: ignore[attr-defined,unused-ignore]
+        kernel.SetPriorityClass(kernel.GetCurrentProcess(), _BELOW_NORMAL)
+        return
+    with suppress(OSError):  # a system that refuses it is slower, no more
+        os.nice(_NICER)
 
 
 def obey_starter(at_once: bool = False) -> None:

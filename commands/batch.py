@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import shlex
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
-from ..files import shorten
+from ..files import remove_leftover_parts, shorten
 from ..render.cost.abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans import frozen_plan as datasets
@@ -25,7 +26,7 @@ from ..render.workers.process import clean_environment, emit, report_errors
 from ..render.workers.runner import Runner, WorkerOptions
 from ..render.workers.slurm_scripts import SlurmRequest, write_script
 from ..render.workers.verify import verify
-from ..system import call_ours, count_processors, set_stop_handler
+from ..system import call_ours, count_processors, kill_all, set_stop_handler, start
 from ..terminal import as_path, show_progress
 
 Say = Callable[..., None]
@@ -38,7 +39,8 @@ def add_verbs(verbs: Any) -> None:
     batch = verbs.add_parser("batch", help="render the data set that a plan describes, and go on where it stopped")
     batch.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
     batch.add_argument("--out", type=as_path, required=True, metavar="DATASET", help="folder of the data set")
-    batch.add_argument("--evaluate", metavar="METHODS", help="then match its pairs with these, separated by commas")
+    batch.add_argument("--evaluate", metavar="METHODS", help="match its pairs with these, separated by commas: "
+                       "each while others are rendered, and then what is left")
     batch.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
                        help="option of your own matcher, which --evaluate then names as own:NAME; may repeat")
     batch.add_argument("--evaluator", metavar="PYTHON", help="Python that matches them (this Python)")
@@ -171,7 +173,7 @@ def _run_batch(options: argparse.Namespace) -> int:
     with report_errors(options.json):
         how = parse_workers(options)
         frozen = _freeze_plan(options.plan, dataset, "" if options.dask else options.blender)
-        with _open_output(options.json) as say:
+        with _open_output(options.json) as say, _evaluate_meanwhile(dataset, options):
             if frozen.note:
                 say("warning", message=frozen.note)
             status = render(dataset, list(frozen.pairs), how, say, options.dask)
@@ -180,14 +182,47 @@ def _run_batch(options: argparse.Namespace) -> int:
     return _report_status(status, dataset, options.json) or failed
 
 
+@contextmanager
+def _evaluate_meanwhile(dataset: Path, options: argparse.Namespace) -> Iterator[None]:
+    """Match pairs as they are completed, in a process of lower priority, if that is asked for.
+
+    At the end it finishes the pair that it is at. If rendering is stopped it is ended at once. Its errors are not told:
+    the evaluation that follows meets them again.
+    """
+    if not options.evaluate:
+        yield
+        return
+    out = dataset / "evaluation"
+    command, environment = _evaluation_command(dataset, options, "--follow")
+    try:
+        process = start(command, environment, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL,
+                        stderr=subprocess.DEVNULL)
+    except OSError:  # told by the evaluation that follows
+        yield
+        return
+    try:
+        yield
+        assert process.stdin is not None
+        process.stdin.close()
+        process.wait()
+    finally:
+        kill_all(process)
+        for folder in (out, *(out / "pairs").glob("*/")):
+            remove_leftover_parts(folder)  # what it was writing when it was ended
+
+
 def _evaluate(dataset: Path, options: argparse.Namespace) -> int:
     """Match the pairs in another process, which prints its own messages; its exit status."""
+    return call_ours(*_evaluation_command(dataset, options, *(["--json-lines"] if options.json else [])))
+
+
+def _evaluation_command(dataset: Path, options: argparse.Namespace, *more: str
+                        ) -> tuple[list[str], dict[str, str] | None]:
+    """The command that matches the pairs, and its environment (None: ours)."""
     words = [word for flag in ("set", "own") for text in getattr(options, flag) for word in (f"--{flag}", text)]
-    words += ["--json-lines"] if options.json else []
-    return call_ours(
-        python_command(options.evaluator or sys.executable, "stereo", "evaluate", str(dataset), "--methods",
-                       options.evaluate, "--out", str(dataset / "evaluation"), *words),
-        clean_environment() if options.evaluator else None)
+    return python_command(
+        options.evaluator or sys.executable, "stereo", "evaluate", str(dataset), "--methods", options.evaluate,
+        "--out", str(dataset / "evaluation"), *words, *more), clean_environment() if options.evaluator else None
 
 
 def _report_status(status: int, dataset: Path, as_json: bool) -> int:

@@ -233,12 +233,15 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
     command.add_argument("--points", action="store_true",
                          help="also write the measured surfaces, as point clouds (ply) coloured by signed error")
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
+    command.add_argument("--follow", action="store_true", help="measure pairs of a data set as they are rendered, at a "
+                         "lower priority and without a report, until the standard input ends")
 
 
 def run_evaluate(parsed: argparse.Namespace) -> int:
     """Run ``evaluate`` with its parsed arguments; return the exit code."""
     packages.require(*packages.PACKAGES)
     from .evaluate import evaluate
+    from .follow import follow_until_input_ends
     from .matchers.methods import parse_methods
 
     chosen = ("" if parsed.predictions else "bm,sgbm") if parsed.methods is None else parsed.methods
@@ -249,6 +252,12 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
         raise IcyMoonError(f"--seed is {parsed.seed}; give a whole number of 0 or more.")
     if parsed.jobs is not None and parsed.jobs < 1:
         raise IcyMoonError(f"--jobs is {parsed.jobs}; give 1 or more.")
+    if parsed.follow:
+        if len(parsed.path) > 1 or parsed.predictions or parsed.dask or (parsed.jobs or 1) > 1:
+            raise IcyMoonError("--follow takes one data set, and neither --predictions nor several processes; leave "
+                               "these out.")
+        follow_until_input_ends(parsed.path[0], methods, parsed.out, response, parsed.points)
+        return 0
     progress = nullcontext(_print_json_line) if parsed.json_lines else show_counted_progress("Evaluating")
     with progress as on_event:
         report = evaluate(parsed.path, methods, parsed.out, response, on_event, parsed.seed, parsed.guiss,

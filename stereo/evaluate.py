@@ -94,7 +94,7 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     check_output_folder(out, names)
     remove_leftovers(out)
     run = Run(methods, out, dict(response or {}), points)
-    evaluation = _Evaluation(sources, run, on_event)
+    evaluation = Evaluation(sources, run, on_event)
     try:
         evaluation.take(_measure(evaluation, paths, run, choose_count(jobs, methods, len(sources)), dask))
     finally:
@@ -105,7 +105,7 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
                          guiss, evaluation.faults)
 
 
-def _measure(evaluation: _Evaluation, paths: Sequence[Path], run: Run, count: int, dask: str | None
+def _measure(evaluation: Evaluation, paths: Sequence[Path], run: Run, count: int, dask: str | None
              ) -> Iterator[tuple[Task, dict[str, Any]]]:
     if dask:
         return measure_on_cluster(dask, paths, run, evaluation.tasks())
@@ -114,13 +114,13 @@ def _measure(evaluation: _Evaluation, paths: Sequence[Path], run: Run, count: in
     return _measure_here(evaluation, run)
 
 
-def _measure_here(evaluation: _Evaluation, run: Run) -> Iterator[tuple[Task, dict[str, Any]]]:
+def _measure_here(evaluation: Evaluation, run: Run) -> Iterator[tuple[Task, dict[str, Any]]]:
     for task in evaluation.tasks():
         for event in measure_pair(evaluation.sources[task.pair], run, task):
             yield task, event
 
 
-class _Evaluation:
+class Evaluation:
     """What an evaluation has to do, the log that it writes, and what has failed so far."""
 
     def __init__(self, sources: Sequence[Source], run: Run, on_event: Event) -> None:

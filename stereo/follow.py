@@ -1,0 +1,85 @@
+"""Measuring the pairs of a data set while others are being rendered.
+
+Rows are written as ``evaluate`` writes them, which then finds them and measures only what is left. No report is
+written, and nothing is told: what fails here fails in ``evaluate`` again, and is told there.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from ..errors import IcyMoonError
+from ..render.pairs.pair_folder import find_pair_folders, has_pairs
+from ..system import lower_priority
+from .artefacts import check_output_folder, remove_leftovers
+from .evaluate import Evaluation
+from .matchers.methods import Method
+from .matchers.resident_process import stop_residents
+from .measure_pair import Run, Task, measure_pair
+from .sources import Source, find_sources
+
+#: How long to wait for another pair.
+_WAIT_S = 1.0
+
+
+def follow(dataset: Path, methods: Sequence[Method], out: Path, response: Mapping[str, Mapping[str, Any]],
+           is_over: Callable[[], bool], points: bool = False) -> None:
+    """Measure pairs of a data set as they are completed, until ``is_over``; of the parameters see ``evaluate``.
+
+    At the end a pair that is being measured is finished. Raises IcyMoonError if ``out`` cannot be written, or contains
+    files that no evaluation wrote.
+    """
+    run = Run(methods, out, dict(response), points)
+    seen: set[str] = set()
+    check_output_folder(out, ())
+    remove_leftovers(out)
+    try:
+        while not is_over():
+            sources = list(_find_new(dataset, seen))
+            check_output_folder(out, [source.name for source in sources])
+            if sources:
+                evaluation = Evaluation(sources, run, lambda event: None)
+                evaluation.take(_measure(evaluation, run, is_over))
+            else:
+                time.sleep(_WAIT_S)
+    finally:
+        stop_residents()
+
+
+def _find_new(dataset: Path, seen: set[str]) -> Iterator[Source]:
+    """The pairs that were completed since the last time."""
+    for folder in find_pair_folders(dataset) if has_pairs(dataset) else ():
+        if folder.name not in seen:
+            seen.add(folder.name)
+            with suppress(IcyMoonError):  # a pair that cannot be used
+                yield from find_sources([folder])
+
+
+def _measure(evaluation: Evaluation, run: Run, is_over: Callable[[], bool]) -> Iterator[tuple[Task, dict[str, Any]]]:
+    for task in evaluation.tasks():
+        if is_over():
+            return
+        for event in measure_pair(evaluation.sources[task.pair], run, task):
+            yield task, event
+
+
+def follow_until_input_ends(dataset: Path, methods: Sequence[Method], out: Path,
+                            response: Mapping[str, Mapping[str, Any]], points: bool) -> None:
+    """``follow`` at a lower priority, for a process whose standard input ends when nothing more is rendered, however
+    the process at its other end does."""
+    lower_priority()
+    over = threading.Event()
+
+    def wait() -> None:
+        with suppress(OSError, ValueError):
+            sys.stdin.buffer.read()
+        over.set()
+
+    threading.Thread(target=wait, daemon=True).start()
+    follow(dataset, methods, out, response, over.is_set, points)
