@@ -11,6 +11,10 @@ BAKED_ATTRIBUTE = "icymoon_baked_light"  # of the ground's vertices: its indirec
 
 #: Light groups of the Beauty layer, each a pass ``Combined_<group>``, and the setting that weighs it.
 LIGHT_GROUPS = {"Sun": "sun_scale", "Planet": "planet_scale"}
+_RADIANCE = {f"{BEAUTY}.Combined", *(f"{BEAUTY}.Combined_{group}" for group in LIGHT_GROUPS)}
+#: Passes (``LAYER.PASS``) that a pair's files store as 16-bit floats, by ``quality.half_floats``.
+ROUNDED = {"NONE": set[str](), "RADIANCE": _RADIANCE,
+           "RADIANCE_NORMALS": _RADIANCE | {f"{TRUTH}.Normal", f"{TRUTH}.{NORMAL_AOV}"}}
 
 #: Values of the semantic channel (material index).
 SEMANTIC = {0: "sky", 1: "terrain", 2: "rock", 3: "lander", 4: "planet"}

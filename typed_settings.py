@@ -302,6 +302,7 @@ class SurfaceSettings(Table):
     salt_blue: float
     subsurface_weight: float
     subsurface_radius_m: float  # m
+    subsurface_method: Literal["RANDOM_WALK", "BURLEY"]
     transmission: float
     transmitted: Literal["LOST", "THROUGH"]
     roughness: float
@@ -612,6 +613,7 @@ class QualitySettings(Table):
     direct_samples: int  # samples
     bake_samples: int  # samples
     bake_noise: float
+    half_floats: Literal["NONE", "RADIANCE", "RADIANCE_NORMALS"]
     truth: Literal["FULL", "DEPTH"]
     device: Literal["CPU", "GPU"]
     threads: int  # threads

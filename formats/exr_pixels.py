@@ -1,6 +1,6 @@
 """The values in a part of an OpenEXR file, without an OpenEXR library.
 
-OpenEXR technical introduction, "File Layout"; compressions none, ZIPS and ZIP, channels of 32-bit floats.
+OpenEXR technical introduction, "File Layout"; compressions none, ZIPS and ZIP, channels of 32-bit and 16-bit floats.
 """
 
 from __future__ import annotations
@@ -14,7 +14,10 @@ import numpy as np
 from .exr_parts import Piece, encode_attribute, read_pieces
 
 _LINES = {0: 1, 2: 1, 3: 16}  # in a chunk, by compression
-_FLOAT = 2
+_HALF, _FLOAT = 1, 2
+_TYPES = {_HALF: "<f2", _FLOAT: "<f4"}
+#: Root mean square of what rounding to 16 bits changes, relative to the values, where none is too small for them.
+_ROUNDED = 2.0**-11
 #: What follows a channel's name in a header: 32-bit floats, not to be compressed as if they were seen, every pixel.
 _ENTRY = b"\0" + struct.pack("<4i", _FLOAT, 0, 1, 1)
 
@@ -23,7 +26,7 @@ class Pixels:
     """The values of a part."""
 
     def __init__(self, piece: Piece) -> None:
-        """Raises ValueError if a channel is not of 32-bit floats, KeyError for another compression."""
+        """Raises ValueError if a channel is not of floats, KeyError for another compression."""
         self._piece, self._stated = piece, _read_channels(piece.value(b"channels"))
         self.channels = list(self._stated)
         left, self._top, right, bottom = struct.unpack("<4i", piece.value(b"dataWindow"))
@@ -31,39 +34,61 @@ class Pixels:
         self._lines = _LINES[self._compression]
         self._width, self._height = right - left + 1, bottom - self._top + 1
 
+    @property
+    def _line(self) -> np.dtype:
+        """A line as it is stored: channel after channel, each of its own type."""
+        return np.dtype([(name, _TYPES[_type_of(self._stated[name])], (self._width,)) for name in self.channels])
+
     def decode(self) -> np.ndarray:
         """Values (height, channel, width) float32."""
-        count = len(self.channels)
-        found = np.empty((self._height, count, self._width), "<f4")
+        found, stored = np.empty((self._height, len(self.channels), self._width), "<f4"), self._line
         for chunk in self._piece.chunks:
             line = struct.unpack_from("<i", chunk)[0] - self._top
             rows = min(self._lines, self._height - line)
-            raw = _inflate(chunk[8:], rows * count * self._width * 4)
-            found[line:line + rows] = np.frombuffer(raw, "<f4").reshape(rows, count, self._width)
+            lines = np.frombuffer(_inflate(chunk[8:], rows * stored.itemsize), stored)
+            for k, name in enumerate(self.channels):
+                found[line:line + rows, k] = lines[name]
         return found
 
     def encode(self, values: np.ndarray) -> Piece:
         """The part with other values of the same shape."""
-        return Piece(self._piece.attributes, self._encode_chunks(values))
+        return Piece(self._piece.attributes, self._encode_chunks(values, self._line))
 
     def select_channels(self, wanted: Sequence[int]) -> Piece:
         """The part with these of its channels, by their places."""
         stated = b"".join(self._stated[self.channels[k]] for k in wanted) + b"\0"
         kept = self._piece.attributes | {b"channels": encode_attribute("channels", "chlist", stated)}
-        return Piece(kept, self._encode_chunks(self.decode()[:, wanted]))
+        line = np.dtype([(name, self._line[name]) for name in (self.channels[k] for k in wanted)])
+        return Piece(kept, self._encode_chunks(self.decode()[:, wanted], line))
+
+    def round_to_half(self, wanted: Collection[int]) -> Piece:
+        """The part with these of its channels, by their places, as 16-bit floats."""
+        values = self.decode()
+        for k in wanted:
+            stated = self._stated[self.channels[k]]
+            self._stated[self.channels[k]] = stated[:-16] + struct.pack("<i", _HALF) + stated[-12:]
+        stated = b"".join(self._stated.values()) + b"\0"
+        kept = self._piece.attributes | {b"channels": encode_attribute("channels", "chlist", stated)}
+        return Piece(kept, self._encode_chunks(values, self._line))
 
     def replace_channels(self, name: str, components: Sequence[str], values: np.ndarray) -> Piece:
         """A part of the same size with other channels: ``name`` and a component, values (height, channel, width)."""
         channels = b"".join(f"{name}.{component}".encode() + _ENTRY for component in components) + b"\0"
         attributes = self._piece.attributes | {b"name": encode_attribute("name", "string", name.encode()),
                                                b"channels": encode_attribute("channels", "chlist", channels)}
-        return Piece(attributes, self._encode_chunks(values))
+        line = np.dtype([(component, "<f4", (self._width,)) for component in components])
+        return Piece(attributes, self._encode_chunks(values, line))
 
-    def _encode_chunks(self, values: np.ndarray) -> list[bytes]:
+    def _encode_chunks(self, values: np.ndarray, stored: np.dtype) -> list[bytes]:
+        """Chunks of values whose lines are ``stored`` so."""
         chunks = []
         for chunk in self._piece.chunks:
             line = struct.unpack_from("<i", chunk)[0]
-            raw = np.ascontiguousarray(values[line - self._top:line - self._top + self._lines], "<f4").tobytes()
+            part = values[line - self._top:line - self._top + self._lines]
+            lines = np.empty(len(part), stored)
+            for k, name in enumerate(stored.names or ()):
+                lines[name] = part[:, k]
+            raw = lines.tobytes()
             data = _deflate(raw) if self._compression else raw
             chunks.append(struct.pack("<2i", line, len(data)) + data)
         return chunks
@@ -75,10 +100,15 @@ def _read_channels(data: bytes) -> dict[str, bytes]:
     while data[at] != 0:
         end = data.index(b"\0", at)
         name = data[at:end].decode()
-        if struct.unpack_from("<i", data, end + 1)[0] != _FLOAT:
-            raise ValueError(f"{name} is not of 32-bit floats")
+        if _type_of(data[at:end + 17]) not in _TYPES:
+            raise ValueError(f"{name} is not of floats")
         stated[name], at = data[at:end + 17], end + 17
     return stated
+
+
+def _type_of(stated: bytes) -> int:
+    """The type of a channel's values, from what is stated of it: its name, then four numbers."""
+    return int(struct.unpack_from("<i", stated, len(stated) - 16)[0])
 
 
 def _inflate(data: bytes, size: int) -> bytes:
@@ -129,3 +159,24 @@ def drop_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:
         return piece
     wanted = [k for k, name in enumerate(pixels.channels) if ".".join(name.split(".")[:2]) not in unwanted]
     return piece if len(wanted) == len(pixels.channels) else pixels.select_channels(wanted) if wanted else None
+
+
+def round_passes(piece: Piece, passes: Collection[str]) -> Piece:
+    """A part with the values of some passes (``LAYER.PASS``) as 16-bit floats, but for those that would lose more than
+    other light of theirs: too large for 16 bits, or so small that these round them by more than one in two thousand.
+
+    A part that is not of the kind that is read here stays as it is. Raises IndexError, struct.error or zlib.error for
+    what is damaged.
+    """
+    try:
+        pixels = Pixels(piece)
+    except (KeyError, ValueError):
+        return piece
+    named = [k for k, name in enumerate(pixels.channels) if ".".join(name.split(".")[:2]) in passes]
+    if not named:
+        return piece
+    values = pixels.decode()[:, named]
+    with np.errstate(over="ignore"):
+        error = np.float64(values.astype("<f2")) - values
+    fits = np.isfinite(error).all() and (error**2).sum() <= _ROUNDED**2 * np.square(values, dtype=np.float64).sum()
+    return pixels.round_to_half(named) if fits else piece

@@ -13,13 +13,14 @@ from ..physics.surfaces.textures import uses_uv
 from ..settings.table import LANDFORMS, TOPICS
 from ..typed_settings import TexturesSettings
 
-_PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "transmission", "roughness", "specular",
-                    "refractive_index", "transmitted", "glint_share", "glint_size_m", "bubble_share",
+_PRINCIPLED_ONLY = {"subsurface_weight", "subsurface_radius_m", "subsurface_method", "transmission", "roughness",
+                    "specular", "refractive_index", "transmitted", "glint_share", "glint_size_m", "bubble_share",
                     "bubble_radius_m", "bubble_band_m", "fracture_share", "fracture_spacing_m", "frost_share",
                     "frost_patch_m", "frost_albedo", "crust_share", "crust_patch_m", "crust_height_m",
                     "crust_roughness"}
 #: Surface settings, and the setting that must be above 0 for them to have an effect.
 _SURFACE_NEEDS = {"albedo_patch_m": "albedo_variation", "subsurface_radius_m": "subsurface_weight",
+                  "subsurface_method": "subsurface_weight",
                   "grain_size_m": "grain_amplitude_m", "relief": "grain_amplitude_m",
                   "grain_patchiness": "grain_amplitude_m", "glint_size_m": "glint_share",
                   "transmitted": "transmission", "bubble_radius_m": "bubble_share", "bubble_band_m": "bubble_share",

@@ -47,8 +47,8 @@ def _of_surface(topic: str) -> tuple[Section, ...]:
                 "bubble_share", "bubble_radius_m", "bubble_band_m", "fracture_share", "fracture_spacing_m",
                 "frost_share", "frost_patch_m", "patch_raggedness", "frost_albedo", "crust_share", "crust_patch_m",
                 "crust_height_m", "crust_roughness")),
-            _advanced(topic, "lommel_seeliger_share", "subsurface_radius_m", "transmission", "transmitted", "specular",
-                      "refractive_index"))
+            _advanced(topic, "lommel_seeliger_share", "subsurface_radius_m", "subsurface_method", "transmission",
+                      "transmitted", "specular", "refractive_index"))
 
 
 _ARM = ("yaw", "shoulder", "elbow", "wrist", "roll")  # its joints
@@ -118,7 +118,8 @@ SECTIONS = (
     _advanced("sensor", "auto_percentile", "auto_target", "bracket_stops"),
     Section("quality", "indirect", "Indirect Light", "Light between parts of the ground, baked once for many images", (
         "indirect", "direct_samples", "bake_samples", "bake_noise")),
-    _advanced("quality", "noise_threshold", "diffuse_bounces", "walk_px", "fine_relief", "truth", "device", "threads"),
+    _advanced("quality", "noise_threshold", "diffuse_bounces", "walk_px", "fine_relief", "truth", "half_floats",
+              "device", "threads"),
 )
 #: Settings that the panel of another topic draws: the tick in a header, the plan, the matchers.
 ELSEWHERE = {"rocks": ("own_surface",), "dataset": ("plan", "workers", "evaluate", "leave_running", "methods"),

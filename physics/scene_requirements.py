@@ -129,6 +129,9 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
             sentences.append(f"{topic}: no subsurface scattering, because its mean free path of "
                              f"{1e3 * settings[topic]['subsurface_radius_m']:.3g} mm is {length:.2g} of the nearest "
                              "pixel, which is below quality.walk_px.")
+        if follows_walk(settings, topic) and settings[topic]["subsurface_method"] == "BURLEY":
+            sentences.append(f"{topic}: no light under the surface through edges, because {topic}.subsurface_method is "
+                             "BURLEY.")
         if topic == "surface" and settings.source.kind != "PROCEDURAL" and settings.surface.relief == "REAL" and (
                 settings.surface.grain_amplitude_m > 0):
             sentences.append("surface: fine relief is bump, because ground from a file keeps its own vertices.")
@@ -144,6 +147,10 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
                             "the planet is below the horizon or unlit."))
     if settings.quality.indirect == "BAKED" and (why := why_not_baked(settings)):
         sentences.append(traced_sentence(why))
+    if settings.quality.half_floats != "NONE":
+        what = "radiance" if settings.quality.half_floats == "RADIANCE" else "radiance and normals"
+        sentences.append(f"files: {what} rounded to 11 bits, because quality.half_floats is "
+                         f"{settings.quality.half_floats}.")
     if settings.quality.truth == "DEPTH":
         sentences.append("truth: no normals and no labels, because quality.truth is DEPTH.")
     return sentences

@@ -10,7 +10,6 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +22,9 @@ from ..errors import DiskError, IcyMoonError
 from ..files import explain_disk_errors, part_of, sha256, write_json
 from ..formats.exr_add import add_baked, add_planet
 from ..formats.exr_layout import is_whole
-from ..formats.exr_parts import join_files
-from ..formats.exr_pixels import drop_passes
-from ..labels import BEAUTY, TRUTH
+from ..formats.exr_parts import Piece, join_files
+from ..formats.exr_pixels import drop_passes, round_passes
+from ..labels import BEAUTY, ROUNDED, TRUTH
 from ..nodes.datablocks.fingerprint import built_objects
 from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
@@ -237,7 +236,8 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
             _write_workspace(part / WORKSPACE_FILE, built, scene, settings)
     rendered = time.perf_counter() - start
     start = time.perf_counter()
-    written = {name: _merge_layers(layers, part / name) for name, layers in sorted(files.items())}
+    rounded = ROUNDED[quality.half_floats]
+    written = {name: _merge_layers(layers, part / name, rounded) for name, layers in sorted(files.items())}
     if settings.workspace.cell_m > 0:
         written[WORKSPACE_FILE] = _fact_of(part / WORKSPACE_FILE)
     return {**pair_json(built, planned, poses, toward_sun, written, {
@@ -325,9 +325,15 @@ def _run_cycles(scene: bpy.types.Scene, files: dict[str, Path], planned: Planned
                             "the disk is full or the folder may not be written to.")
 
 
-def _merge_layers(written: dict[str, Path], final: Path) -> dict[str, Any]:
-    """Put the layers that Blender wrote into one file, flush it and return its size and checksum."""
-    less = partial(drop_passes, unwanted=passes.UNWANTED)
+def _merge_layers(written: dict[str, Path], final: Path, rounded: set[str]) -> dict[str, Any]:
+    """Put the layers that Blender wrote into one file, flush it and return its size and checksum.
+
+    The passes ``rounded`` are stored as 16-bit floats.
+    """
+    def less(piece: Piece) -> Piece | None:
+        kept = drop_passes(piece, passes.UNWANTED)
+        return kept and round_passes(kept, rounded)
+
     with explain_disk_errors("write", final):
         final.write_bytes(join_files({name: file.read_bytes() for name, file in written.items()}, less))
         for file in written.values():

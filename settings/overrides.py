@@ -238,6 +238,7 @@ class SurfaceOverrides(TypedDict, total=False):
     salt_blue: float
     subsurface_weight: float
     subsurface_radius_m: float  # m
+    subsurface_method: Literal["RANDOM_WALK", "BURLEY"]
     transmission: float
     transmitted: Literal["LOST", "THROUGH"]
     roughness: float
@@ -360,6 +361,7 @@ class RockSurfaceOverrides(TypedDict, total=False):
     salt_blue: float
     subsurface_weight: float
     subsurface_radius_m: float  # m
+    subsurface_method: Literal["RANDOM_WALK", "BURLEY"]
     transmission: float
     transmitted: Literal["LOST", "THROUGH"]
     roughness: float
@@ -581,6 +583,7 @@ class QualityOverrides(TypedDict, total=False):
     direct_samples: int  # samples
     bake_samples: int  # samples
     bake_noise: float
+    half_floats: Literal["NONE", "RADIANCE", "RADIANCE_NORMALS"]
     truth: Literal["FULL", "DEPTH"]
     device: Literal["CPU", "GPU"]
     threads: int  # threads

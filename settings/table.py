@@ -519,6 +519,11 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
               "A render with 1 takes about five times as long as with 0", "material"),
     _metres("subsurface_radius_m", "Subsurface Radius", 0.005, 0.0, 10.0, (0.0, 0.1),
             "Mean free path of light in the snow", "material"),
+    Setting("subsurface_method", "Subsurface Method", "RANDOM_WALK", "How light that enters the snow is followed",
+            "material", choices=(
+                ("RANDOM_WALK", "Random Walk", "From one scattering to the next, through the shape of the ground"),
+                ("BURLEY", "Burley", "By a profile that was fitted to flat surfaces. It takes a third of the time, but "
+                 "matchers err on 4 % more pixels"))),
     _fraction("transmission", "Transmission", 0.0,
               "Share of the light that enters clear ice, see Transmitted Light", "material"),
     Setting("transmitted", "Transmitted Light", "LOST", "Where the light goes that enters clear ice", "material",
@@ -1075,6 +1080,13 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
             "Noise of baked light over all light at which it gets no more samples, and above which an image is traced "
             "after all. It passes for texture, so keep it under the noise of the sensor. 0 for no limit",
             "sampling", "1", 0.0, 1.0, (0.0, 0.05)),
+    Setting("half_floats", "Half Floats", "NONE", "What the files store in 16 instead of 32 bits. Depth and labels are "
+            "exact in any case", "sampling",
+            choices=(("NONE", "Nothing", "All values as rendered"),
+                     ("RADIANCE", "Radiance", "Rounded by at most 0.05 %. Files are a quarter smaller with the whole "
+                      "truth, and half with depth alone"),
+                     ("RADIANCE_NORMALS", "Radiance and Normals", "Normals are off by at most 0.03°. Files are half as "
+                      "large"))),
     Setting("truth", "Truth", "FULL", "Truth that is rendered with the images", "sampling",
             choices=(("FULL", "Full", "Depth, normals and labels, in a separate render with one sample per pixel"),
                      ("DEPTH", "Depth Only", "Depth from the render of the images. This saves the separate render "

@@ -117,17 +117,16 @@ def _add_snow(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, var
         "IOR": surface.refractive_index, "Alpha": 1.0, **relief,
         "Subsurface Weight": surface.subsurface_weight if radius > 0.0 else 0.0,
         "Subsurface Radius": (1.0, 1.0, 1.0), "Subsurface Scale": radius,
-        "Subsurface Anisotropy": 0.0,
         "Specular IOR Level": surface.specular, "Specular Tint": WHITE,
         "Anisotropic": 0.0, "Anisotropic Rotation": 0.0,
         "Transmission Weight": varied.get("transmission", surface.transmission),
         "Coat Weight": 0.0, "Coat Roughness": 0.0, "Coat IOR": 1.5, "Coat Tint": WHITE,
         "Sheen Weight": 0.0, "Sheen Roughness": 0.5, "Sheen Tint": WHITE,
         "Emission Color": WHITE, "Emission Strength": 0.0,
-    }, if_present={"Weight": 0.0, "Diffuse Roughness": 0.0, "Thin Film Thickness": 0.0, "Thin Film IOR": 1.33,
-                   "Subsurface IOR": 1.4, "Thin Wall": False},
+    }, if_present={"Weight": 0.0, "Diffuse Roughness": 0.0, "Subsurface Anisotropy": 0.0, "Thin Film Thickness": 0.0,
+                   "Thin Film IOR": 1.33, "Subsurface IOR": 1.4, "Thin Wall": False},
         leave=["Coat Normal", "Tangent"] + ([] if relief else ["Normal"]), distribution="MULTI_GGX",
-        subsurface_method="RANDOM_WALK").outputs[0]
+        subsurface_method=surface.subsurface_method).outputs[0]
 
 
 def _add_principled(tree: Tree, label: str, surface: SurfaceSettings, wanted: Any, varied: Mapping[str, Any],

@@ -88,7 +88,9 @@ def curve(surface: SurfaceSettings) -> tuple[np.ndarray, np.ndarray]:
     """
     table = _table()
     root = root_f0(surface.refractive_index, surface.specular)
-    roughness, weight = surface.roughness, surface.subsurface_weight * (surface.subsurface_radius_m > 0.0)
+    # Light that leaves by Burley's profile is no less than that of a diffuse surface.
+    walks = surface.subsurface_radius_m > 0.0 and surface.subsurface_method == "RANDOM_WALK"
+    roughness, weight = surface.roughness, surface.subsurface_weight * walks
     base = table["base"]
     specular = _interpolate(table["specular"], root, roughness)
     diffuse = specular + (1.0 - specular) * base

@@ -49,6 +49,8 @@ _SUN_GROUP, _PLANET_GROUP = 0.97, 0.7  # of the whole light's
 #: Normals of facets are the same on all pixels of one: with edges of e pixels on the screen they take the fraction
 #: 1 - exp(-a e^b) of the normals', on a grid the third number; then what rocks add with their labels, and the rest.
 _FACETS, _FACETS_POWER, _FACETS_GRID, _ROCK_LABELS, _REST = 10.8, -1.21, 0.9, 1.0, 0.2
+#: Light and normals as 16-bit floats, over those of 32 bits (``benchmarks/half_floats.py``).
+_HALF_LIGHT, _HALF_NORMAL = 0.4, 0.5
 #: Neighbours in larger images are more alike: bytes of twice the columns over those of one.
 _DOUBLE_WIDTH = 0.982
 #: Cost of a sample over that with Lambert's law and shaded relief, without the relief. Bounces count for little: on
@@ -59,7 +61,7 @@ _HAPKE_NODES, _HAPKE_REFERENCE = 1.15, 3.45
 _RELIEF, _RELIEF_CAMERA = 0.25, 0.21  # added by shaded relief, and where the camera alone meets it
 _TRANSMISSION, _IMAGES, _ROCKS = 0.3, 2.9, 0.6  # added by clear ice, images on the ground and rocks
 #: Cost that subsurface scattering adds, whatever its length, and the weight at which it adds half of it.
-_WALK, _HALF = 12.0, 0.5
+_WALK, _BURLEY, _HALF = 12.0, 0.5, 0.5
 #: Cycles' own least samples under a noise threshold t are 16 t^-0.3; beyond them a pixel of noise s of one sample takes
 #: (s / t)². Here s is that of bare ice in sunlight, the mean over its pixels.
 _LEAST, _LEAST_POWER, _SAMPLE_NOISE = 16.0, -0.3, 0.2
@@ -120,7 +122,10 @@ def bytes_of(settings: Settings) -> float:
     if light.planet or light.stars:
         seen += (_SUN_GROUP + _PLANET_GROUP) * noisy
     copies = 1 + (settings.rig.toe_in_deg != 0)  # the rectified rig's truth, and that of eyes that are turned
-    truth = _DEPTH if quality.truth == "DEPTH" else _DEPTH + _NORMAL + _facets(settings)
+    seen *= _HALF_LIGHT if quality.half_floats != "NONE" else 1.0
+    shape = _NORMAL + _facets(settings)
+    shape *= _HALF_NORMAL if quality.half_floats == "RADIANCE_NORMALS" else 1.0
+    truth = _DEPTH if quality.truth == "DEPTH" else _DEPTH + shape
     larger = _DOUBLE_WIDTH ** math.log2(settings.rig.width_px / 160.0)
     return _pixels(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _REST)
 
@@ -151,8 +156,8 @@ def _sample_cost(settings: Settings, topic: str) -> float:
         relative = {"REFERENCE": _HAPKE_REFERENCE}.get(hapke.accuracy, relative)
         relative = {"NODES": _HAPKE_NODES}.get(hapke.backend, relative)
     if surface.model == "PRINCIPLED":
-        under = surface.subsurface_weight
-        relative += _WALK * under / (under + _HALF) + _TRANSMISSION * surface.transmission
+        under, burley = surface.subsurface_weight, surface.subsurface_method == "BURLEY"
+        relative += (_BURLEY if burley else _WALK) * under / (under + _HALF) + _TRANSMISSION * surface.transmission
     if surface.relief != "DISPLACEMENT" and surface.grain_amplitude_m > 0:
         relative += _RELIEF_CAMERA if only_camera_meets_relief(surface, settings.quality) else _RELIEF
     return relative + _IMAGES * (settings.textures.set != "NONE")

@@ -37,6 +37,7 @@ GROUPS = {
     "indirect": "light between parts of the ground, traced in every image or baked once for all",
     "shortcuts": "parts that may be left out: subsurface scattering, fine relief for rays other than the camera's, "
                  "labels and normals",
+    "files": "radiance and normals in 16 instead of 32 bits",
     "subsurface": "model of subsurface scattering",
     "glints": "facets of snow that mirror the Sun, most to one eye only",
     "mesh": "largest error of the ground's mesh",
@@ -151,6 +152,10 @@ def _variants_of(group: str, settings: Settings) -> list[Variant]:
         quality = settings.quality
         return [variant(*((part.whole, {"quality": {part.key: part.full}}) if quality[part.key] == part.lean else
                        (part.without, {"quality": {part.key: part.lean}}))) for part in _shortcuts(settings)]
+    if group == "files":
+        stored = {"radiance in 16 bits": "RADIANCE", "radiance and normals in 16 bits": "RADIANCE_NORMALS",
+                  "all in 32 bits": "NONE"}
+        return [variant(name, {"quality": {"half_floats": choice}}) for name, choice in stored.items()]
     if group == "relief":
         surface = settings.surface
         reliefs = {"painted": "BUMP", "real": "REAL"}
@@ -196,15 +201,24 @@ def _shortcuts(settings: Settings) -> list[_Shortcut]:
 
 def leaner_settings(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
     """Parts of settings, by name, that each leave out one more part of the scene's light."""
-    return {part.without: {"quality": {part.key: part.lean}} for part in _shortcuts(settings)
-            if part.key != "truth" and settings.quality[part.key] != part.lean}
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+    walked = [topic for topic in surface_topics(settings)
+              if follows_walk(settings, topic) and settings[topic]["subsurface_method"] == "RANDOM_WALK"]
+    if walked:
+        found["Burley's profile under the surface"] = {topic: {"subsurface_method": "BURLEY"} for topic in walked}
+    return found | {part.without: {"quality": {part.key: part.lean}} for part in _shortcuts(settings)
+                    if part.key != "truth" and settings.quality[part.key] != part.lean}
 
 
 def _surface_models(group: str, settings: Settings) -> list[Variant]:
     surface = settings.surface
     parts: dict[str, dict[str, dict[str, Any]]] = {}
     if group == "subsurface" and surface.model == "PRINCIPLED" and surface.subsurface_weight > 0:
-        parts = {**({"none": {"surface": {"subsurface_weight": 0.0}}} if follows_walk(settings, "surface") else {}),
+        other = {"RANDOM_WALK": "BURLEY", "BURLEY": "RANDOM_WALK"}[surface.subsurface_method]
+        followed: dict[str, dict[str, dict[str, Any]]] = {
+            "none": {"surface": {"subsurface_weight": 0.0}},
+            other.replace("_", " ").capitalize(): {"surface": {"subsurface_method": other}}}
+        parts = {**(followed if follows_walk(settings, "surface") else {}),
                  "Hapke": {"surface": {"model": "HAPKE"}, "hapke": _isotropic_hapke(settings)},
                  "Lambert": {"surface": {"model": "LAMBERT"}}}
     if group == "glints" and surface.model == "PRINCIPLED" and surface.glint_share > 0:

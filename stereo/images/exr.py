@@ -167,8 +167,13 @@ def _read_whole(path: Path, passes: Collection[str], without: Collection[str]
     # OpenEXR leaves out a part that it cannot decode, and reports that on standard output only.
     if len(parts) < parts_announced:
         raise IcyMoonError(f"{path} is damaged or incomplete; render the pair again.")
-    return [(part.header.get("view") or "", {name: channel.pixels for name, channel in part.channels.items()})
+    return [(part.header.get("view") or "", {name: _full(channel.pixels) for name, channel in part.channels.items()})
             for part in parts]
+
+
+def _full(values: np.ndarray) -> np.ndarray:
+    """Values of a channel, 16-bit floats as float32: arithmetic with them would round again."""
+    return values.astype(np.float32) if values.dtype == np.float16 else values
 
 
 def _decode(path: Path, passes: Collection[str], without: Collection[str]

@@ -116,7 +116,7 @@ PRINCIPLED = {"subsurface_weight", "transmission", "roughness", "specular", "ref
               "bubble_share", "fracture_share", "frost_share", "crust_share"}
 IDLE = {"transmitted", "bubble_radius_m", "bubble_band_m", "fracture_spacing_m", "frost_patch_m", "patch_raggedness",
         "frost_albedo", "crust_patch_m", "crust_height_m",
-        "crust_roughness", "albedo_patch_m", "subsurface_radius_m", "salt_patch_m", "salt_red",
+        "crust_roughness", "albedo_patch_m", "subsurface_radius_m", "subsurface_method", "salt_patch_m", "salt_red",
         "salt_green", "salt_blue", "glint_size_m", "snow_grain_m", "dirt", "dirt_patch_m", "salt"}
 #: What only baked light uses.
 _BAKING = {"direct_samples", "bake_samples", "bake_noise"}

@@ -31,6 +31,31 @@ def test_light_is_followed_under_the_surface_only_where_a_camera_could_tell():
     assert snow(always).inputs["Subsurface Weight"].default_value == 1.0
 
 
+def test_light_under_the_surface_is_followed_as_the_settings_ask():
+    near = {"rig": {"height_m": 0.02}}
+    built = open_empty_scene(complete(SNOW, near))
+    assert snow(built).subsurface_method == "RANDOM_WALK"
+    built, kept = adapt_scene(built, complete(SNOW, near, {"surface": {"subsurface_method": "BURLEY"}}))
+    assert kept
+    assert snow(built).subsurface_method == "BURLEY"
+
+
+def test_half_floats_are_what_was_rendered_rounded(tmp_path):
+    small = {"rig": {"width_px": 32, "height_px": 24}, "quality": {"samples": 1}}
+    full, _ = render(tmp_path / "full", small)
+    half, _ = render(tmp_path / "half", small, {"quality": {"half_floats": "RADIANCE_NORMALS"}})
+    for eye in ("left", "right"):
+        a, b = read_view(full.image(eye)), read_view(half.image(eye))
+        # Another id is another seed, so the noise of the light differs.
+        assert np.array_equal(b.radiance, b.radiance.astype(np.float16))
+        assert not np.array_equal(a.radiance, a.radiance.astype(np.float16))
+        assert 0 < np.abs(a.normal - b.normal).max() <= 2.0 ** -12  # half of the distance of numbers from 0.5 to 1
+        for name in ("depth", "instance", "semantic", "hidden"):
+            assert np.array_equal(getattr(a, name), getattr(b, name), equal_nan=name == "depth"), name
+    assert half.id != full.id
+    assert any("quality.half_floats" in line for line in half.data["left_out"])
+
+
 @pytest.mark.heavy
 def test_without_the_walk_as_much_light_comes_back(tmp_path):
     """A walk of a hundredth of a pixel and none, under a high Sun: the same mean radiance, within what the table of

@@ -28,6 +28,7 @@ def surface(**changes: Any) -> SurfaceSettings:
     {"albedo": 0.2, "specular": 1.0, "roughness": 0.1}, {"albedo": 0.6, "specular": 0.5, "roughness": 0.4},
     *(pytest.param({"albedo": albedo, "subsurface_weight": 1.0}, marks=pytest.mark.heavy) for albedo in (0.9, 1.0)),
     {"albedo": 0.4, "subsurface_weight": 0.5, "roughness": 0.2}, {"albedo": 0.8, "transmission": 0.5},
+    {"albedo": 0.8, "subsurface_weight": 1.0, "subsurface_method": "BURLEY"},
     {"albedo": 0.5, "refractive_index": 2.2, "specular": 0.9, "roughness": 0.6},
     {"albedo": 0.7, "grain_size_m": 0.02, "grain_amplitude_m": 0.006},
     {"albedo": 1.0, "grain_size_m": 0.02, "grain_amplitude_m": 0.006, "transmission": 0.2, "subsurface_weight": 0.5},

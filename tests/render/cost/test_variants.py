@@ -14,10 +14,10 @@ SCENES = ("enceladus_fresh_snow", "europa_rough_ice", "europa_ridged_plain_hapke
 OWN = {"scene": set(), "samples": {"quality.samples", "quality.denoiser"}, "bounces": {"quality.diffuse_bounces"},
        "threshold": {"quality.samples", "quality.noise_threshold"}, "mesh": {"mesh.error_px"},
        "relief": {"surface.relief"}, "shortcuts": {"quality.fine_relief", "quality.walk_px", "quality.truth"},
-       "subsurface": {"surface.subsurface_weight", "surface.model",
+       "subsurface": {"surface.subsurface_weight", "surface.subsurface_method", "surface.model",
                       *(f"hapke.{key}" for key in description.defaults().hapke)},
        "indirect": {"quality.indirect", "quality.bake_samples", "quality.bake_noise", "quality.direct_samples"},
-       "glints": {"surface.glint_share"},
+       "glints": {"surface.glint_share"}, "files": {"quality.half_floats"},
        "hapke": {"surface.model", *(f"hapke.{key}" for key in description.defaults().hapke)}}
 
 
@@ -50,7 +50,7 @@ def test_all_are_different_and_valid(name):
 def test_only_what_the_scene_has_is_varied():
     groups = {variant.group for variant in variants(scene("europa_rough_ice", "surface.subsurface_weight=0",
                                                           "surface.grain_amplitude_m=0", "mesh.kind=GRID"))}
-    assert groups == {"scene", "samples", "bounces", "threshold", "shortcuts"}
+    assert groups == {"scene", "samples", "bounces", "threshold", "shortcuts", "files"}
     assert {variant.group for variant in variants(scene("europa_ridged_plain_hapke"))} >= {"hapke", "mesh"}
 
 
