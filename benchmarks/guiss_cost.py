@@ -164,7 +164,7 @@ class _Apart:
         from mathutils import Matrix
 
         start = time.process_time()
-        passes.choose_layer(scene, BEAUTY, stem, False)
+        passes.choose_layer(scene, BEAUTY, stem, "FULL")
         pose, kept = scene.camera.matrix_world.copy(), scene.render.use_persistent_data
         scene.render.use_multiview = scene.render.use_persistent_data = False
         files = {}

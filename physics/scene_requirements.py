@@ -151,6 +151,7 @@ def find_left_out(settings: Settings, lights: Mapping[str, Any]) -> list[str]:
         what = "radiance" if settings.quality.half_floats == "RADIANCE" else "radiance and normals"
         sentences.append(f"files: {what} rounded to 11 bits, because quality.half_floats is "
                          f"{settings.quality.half_floats}.")
-    if settings.quality.truth == "DEPTH":
-        sentences.append("truth: no normals and no labels, because quality.truth is DEPTH.")
+    if settings.quality.truth != "FULL":
+        what = "labels" if settings.quality.truth == "DEPTH" else "labels of single rocks and objects"
+        sentences.append(f"truth: no normals and no {what}, because quality.truth is {settings.quality.truth}.")
     return sentences

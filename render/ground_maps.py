@@ -239,7 +239,7 @@ def _look_down(scene: bpy.types.Scene, extent: Extent, top_m: float) -> Iterator
 def _render(scene: bpy.types.Scene, stem: Path) -> dict[str, np.ndarray]:
     """The channels, (rows, columns), of a render of one sample at the centres of cells."""
     stem.parent.mkdir(parents=True, exist_ok=True)
-    passes.choose_layer(scene, TRUTH, stem, False)
+    passes.choose_layer(scene, TRUTH, stem, "FULL")
     file = stem.with_name(f"{stem.name}.exr")
     try:
         bpy.ops.render.render(write_still=True, scene=scene.name)

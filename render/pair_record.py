@@ -52,13 +52,16 @@ def _eye_pose(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     return turned
 
 
-def _channels(depth_alone: bool) -> dict[str, Any]:
-    """What the images contain, in words."""
+def _channels(truth: str) -> dict[str, Any]:
+    """What the images contain with this ``quality.truth``, in words."""
     light: dict[str, Any] = {"radiance": "W/(m² sr), linear, in the bands R, G, B at 620, 550, 460 nm: over all "
                                          "wavelengths, if all light were as bright, relative to sunlight, as there",
                              "depth": "planar Z in m at pixel centres, sky 1e10"}
-    return light if depth_alone else {
-        **light, "normal": "unit, world axes, of the facet", "semantic": {str(k): v for k, v in SEMANTIC.items()},
+    if truth == "DEPTH":
+        return light
+    light["semantic"] = {str(k): v for k, v in SEMANTIC.items()}
+    return light if truth == "SEMANTIC" else {
+        **light, "normal": "unit, world axes, of the facet",
         "hidden": "1 where the other eye sees something nearer in front of the point, by its rays; else 0",
         "instance": f"{INSTANCE_AOV} where it is above 0 (rocks, from {FIRST_ROCK_INSTANCE}), else the "
                     f"object index ({TERRAIN_INSTANCE} terrain, others objects); 0 sky"}
@@ -95,7 +98,7 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
         "blur": blur.to_json() if blur else None,
         "light": _light_json(built, toward_sun),
         "left_out": _left_out(built, settings, indirect), "advice": refused_scenes.scene_advice(settings),
-        "channels": _channels(settings.quality.truth == "DEPTH"),
+        "channels": _channels(settings.quality.truth),
         "seeds": {"dataset": settings.dataset.seed, "render": planned.render_seed},
         "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),
                      "numpy": np.__version__, "icymoon": version()},

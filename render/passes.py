@@ -56,21 +56,28 @@ def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = Fals
     render.use_overwrite, render.use_placeholder = True, False
 
 
-def choose_layer(scene: bpy.types.Scene, name: str, stem: Path, depth_alone: bool) -> dict[str, Path]:
+#: Passes of the truth that Cycles takes from the first sample, so they may come with the radiance, by
+#: ``quality.truth``; and all passes of the truth. It averages normals and value passes over samples.
+_FIRST_SAMPLE: dict[str, tuple[str, ...]] = {
+    "DEPTH": ("use_pass_z",), "SEMANTIC": ("use_pass_z", "use_pass_material_index"), "FULL": ()}
+_TRUTH_PASSES = _FIRST_SAMPLE | {"FULL": ("use_pass_z", "use_pass_normal", "use_pass_object_index",
+                                          "use_pass_material_index")}
+
+
+def choose_layer(scene: bpy.types.Scene, name: str, stem: Path, truth: str) -> dict[str, Path]:
     """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files, by eye, that it will write at ``stem``.
 
-    Depth, which Cycles takes from the first sample, may come with the radiance if nothing else is wanted of the truth.
+    ``truth`` is what is wanted of it, as in ``quality.truth``. All but FULL comes with the radiance.
     """
     layer = scene.view_layers[0]
     layer.name = name
     if name == BEAUTY:
-        _enable_passes(layer, "use_pass_combined", *(("use_pass_z",) if depth_alone else ()))
+        _enable_passes(layer, "use_pass_combined", *_FIRST_SAMPLE[truth])
     else:
         scene.cycles.samples = 1
         scene.cycles.max_bounces = 0  # what light does after the first hit is not looked at
         scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
-        _enable_passes(layer, "use_pass_combined", "use_pass_z", *(() if depth_alone else (
-            "use_pass_normal", "use_pass_object_index", "use_pass_material_index")))
+        _enable_passes(layer, "use_pass_combined", *_TRUTH_PASSES[truth])
     scene.render.filepath = str(stem)
     return {eye: stem.with_name(f"{stem.name}{suffix}.exr") for eye, suffix in _SUFFIX.items()}
 

@@ -184,15 +184,16 @@ class _CameraSetup:
     images: tuple[tuple[str, str], ...]
 
 
-def _depth_alone(planned: PlannedPair) -> bool:
-    return bool(planned.settings.quality.truth == "DEPTH")
+def _is_full(planned: PlannedPair) -> bool:
+    """Whether truth is a render of its own."""
+    return planned.settings.quality.truth == "FULL"
 
 
-def _camera_setups(camera: StereoCamera, blur: Blur | None, depth_alone: bool) -> list[_CameraSetup]:
+def _camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> list[_CameraSetup]:
     """What to render: radiance and truth with one camera, unless truth is of another camera than the light."""
     toed = camera.toe_in_deg != 0
     if blur is None and not toed:
-        images = ((BEAUTY, "{}.exr"),) if depth_alone else ((BEAUTY, "{}.exr"), (TRUTH, "{}.exr"))
+        images = ((BEAUTY, "{}.exr"), (TRUTH, "{}.exr")) if full else ((BEAUTY, "{}.exr"),)
         return [_CameraSetup(None, False, images)]
     takes = [_CameraSetup(blur, toed, ((BEAUTY, "{}.exr"),)), _CameraSetup(None, False, ((TRUTH, TRUTH_FILE),))]
     return [*takes, _CameraSetup(None, True, ((TRUTH, TOED_TRUTH_FILE),))] if toed else takes
@@ -202,7 +203,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                  report: Callable[[float], None], indirect: Indirect) -> dict[str, Any]:
     settings = planned.settings
     camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
-    takes = _camera_setups(camera, blur, _depth_alone(planned))
+    takes = _camera_setups(camera, blur, _is_full(planned))
     quality = direct_quality(settings.quality) if indirect.light is not None else settings.quality
     files: dict[str, dict[str, Path]] = {}
     shares: dict[str, float] = {}
@@ -217,7 +218,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
         scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system
                                             and _triangle_count(built) <= MOST_KEPT_TRIANGLES)
         truths = (sum(layer == TRUTH for take in takes for layer, _ in take.images)
-                  + (0 if _depth_alone(planned) else len(occlusion.STEPS_PX)))
+                  + (len(occlusion.STEPS_PX) if _is_full(planned) else 0))
         with watch_samples(len(lights) * int(quality.samples), truths, report) as sampling:
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
@@ -259,7 +260,8 @@ def _render_radiance(scene: bpy.types.Scene, built: Built, lights: list[separate
     """Render radiance into files of their own, by eye; lights that need it one after the other, and added up."""
     files: dict[str, Path] = {}
     for number, light in enumerate(lights):
-        made = passes.choose_layer(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"), _depth_alone(planned))
+        made = passes.choose_layer(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"),
+                                   planned.settings.quality.truth)
         with separate_lights.use_light(built, light):
             _run_cycles(scene, made, planned)
         for eye, file in made.items():
@@ -283,13 +285,13 @@ def _render_truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair, came
                   toed: bool) -> dict[str, Path]:
     """Render truth into files of its own, by eye. What is hidden from the other eye is part of it for parallel eyes,
     unless depth is all that is wanted."""
-    files = passes.choose_layer(scene, TRUTH, stem, _depth_alone(planned))
+    files = passes.choose_layer(scene, TRUTH, stem, planned.settings.quality.truth)
     with separate_lights.disable_osl(scene):
         _run_cycles(scene, files, planned)
-        if toed or _depth_alone(planned):
+        if toed or not _is_full(planned):
             return files
         between: dict[str, list[np.ndarray]] = {eye: [] for eye in files}
-        shifted = passes.choose_layer(scene, TRUTH, stem.with_name(f"{stem.name}-between"), True)
+        shifted = passes.choose_layer(scene, TRUTH, stem.with_name(f"{stem.name}-between"), "DEPTH")
         for step in occlusion.STEPS_PX:
             with shift_frame(scene, step):
                 _run_cycles(scene, shifted, planned)

@@ -584,7 +584,7 @@ class QualityOverrides(TypedDict, total=False):
     bake_samples: int  # samples
     bake_noise: float
     half_floats: Literal["NONE", "RADIANCE", "RADIANCE_NORMALS"]
-    truth: Literal["FULL", "DEPTH"]
+    truth: Literal["FULL", "SEMANTIC", "DEPTH"]
     device: Literal["CPU", "GPU"]
     threads: int  # threads
 

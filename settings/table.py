@@ -1089,6 +1089,8 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
                       "large"))),
     Setting("truth", "Truth", "FULL", "Truth that is rendered with the images", "sampling",
             choices=(("FULL", "Full", "Depth, normals and labels, in a separate render with one sample per pixel"),
+                     ("SEMANTIC", "Depth and Semantic Labels", "Depth and what a pixel shows (ground, rock, lander, "
+                      "planet), both from the render of the images, without normals and labels of single rocks"),
                      ("DEPTH", "Depth Only", "Depth from the render of the images. This saves the separate render "
                       "unless the images are blurred or toed in"))),
     Setting("device", "Device", "CPU", "Processor that renders", "run",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 Made = TypeVar("Made")
@@ -29,6 +30,10 @@ class MadeOnce(Generic[Made]):
         return known[1]
 
 
+def _text_of(keys: Sequence[str], table: Mapping[str, Any]) -> str:
+    return json.dumps([table[key] for key in keys])
+
+
 class Texts:
     """Texts that are equal for descriptions in which these settings (topic, key) are."""
 
@@ -36,8 +41,7 @@ class Texts:
         keys: dict[str, list[str]] = {}
         for topic, key in names:
             keys.setdefault(topic, []).append(key)
-        self._made = {topic: MadeOnce(lambda table, those=those: json.dumps([table[key] for key in those]))
-                      for topic, those in keys.items()}
+        self._made = {topic: MadeOnce(partial(_text_of, those)) for topic, those in keys.items()}
 
     def of(self, settings: Mapping[str, Mapping[str, Any]]) -> str:
         """The text of a description."""

@@ -104,7 +104,7 @@ def work_of(settings: Settings) -> Work:
     relative = sum(weight * _sample_cost(settings, topic) for weight, topic in zip(weights, topics, strict=True))
     relative += _ROCKS * (coverage > 0)
     samples = samples_taken(quality.samples, quality.noise_threshold)
-    return Work(_pixels(settings), samples, relative, quality.denoiser != "NONE", quality.truth != "DEPTH")
+    return Work(_pixels(settings), samples, relative, quality.denoiser != "NONE", quality.truth == "FULL")
 
 
 def _pixels(settings: Settings) -> int:
@@ -125,7 +125,7 @@ def bytes_of(settings: Settings) -> float:
     seen *= _HALF_LIGHT if quality.half_floats != "NONE" else 1.0
     shape = _NORMAL + _facets(settings)
     shape *= _HALF_NORMAL if quality.half_floats == "RADIANCE_NORMALS" else 1.0
-    truth = _DEPTH if quality.truth == "DEPTH" else _DEPTH + shape
+    truth = _DEPTH + shape if quality.truth == "FULL" else _DEPTH
     larger = _DOUBLE_WIDTH ** math.log2(settings.rig.width_px / 160.0)
     return _pixels(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _REST)
 

@@ -150,8 +150,10 @@ def _variants_of(group: str, settings: Settings) -> list[Variant]:
                 for error in _MESH_ERRORS_PX] if _has_graded_mesh(settings) else []
     if group == "shortcuts":
         quality = settings.quality
-        return [variant(*((part.whole, {"quality": {part.key: part.full}}) if quality[part.key] == part.lean else
-                       (part.without, {"quality": {part.key: part.lean}}))) for part in _shortcuts(settings)]
+        labels = [variant("depth and semantic labels", {"quality": {"truth": "SEMANTIC"}})]
+        return [*(variant(*((part.whole, {"quality": {part.key: part.full}}) if quality[part.key] == part.lean else
+                            (part.without, {"quality": {part.key: part.lean}}))) for part in _shortcuts(settings)),
+                *(labels if quality.truth == "FULL" else [])]
     if group == "files":
         stored = {"radiance in 16 bits": "RADIANCE", "radiance and normals in 16 bits": "RADIANCE_NORMALS",
                   "all in 32 bits": "NONE"}

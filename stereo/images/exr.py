@@ -84,7 +84,7 @@ def read_truth(path: Path, eye: str | None = None, without: Collection[str] = ()
 
 def read_depth(path: Path, eye: str | None = None) -> Truth:
     """Read depth, and what tells the planet from the ground, alone; the other arrays may be None."""
-    passes = [f"{BEAUTY}.Depth", f"{TRUTH}.Depth", *(f"{TRUTH}.{name}" for name in _SEMANTIC)]
+    passes = [f"{layer}.{name}" for layer in (BEAUTY, TRUTH) for name in ("Depth", *_SEMANTIC)]
     return _truth(_read_channels(path, eye, passes), path)
 
 
@@ -235,8 +235,9 @@ def _instances(channels: _Channels) -> np.ndarray | None:
 
 def _labels(channels: _Channels, passes: tuple[str, ...]) -> np.ndarray | None:
     for name in passes:
-        if (TRUTH, name, "X") in channels:
-            return np.rint(np.nan_to_num(channels[TRUTH, name, "X"])).astype(np.int32)
+        for layer in (TRUTH, BEAUTY):  # with the light, of a pair that has no other truth
+            if (layer, name, "X") in channels:
+                return np.rint(np.nan_to_num(channels[layer, name, "X"])).astype(np.int32)
     return None
 
 

@@ -109,6 +109,29 @@ def test_without_labels_there_is_one_render_and_the_same_depth(tmp_path, monkeyp
     assert np.isfinite(ready.truth).any()
 
 
+@pytest.mark.parametrize("law", ["PRINCIPLED", "HAPKE"])
+def test_semantic_labels_come_with_the_light_and_are_the_same(tmp_path, monkeypatch, law):
+    """Of the first sample, at the pixel's centre, not a mean of samples that see two things."""
+    from icymoon.render import render_pair
+
+    scene = {"rocks": {"coverage": 0.1}, "quality": {"samples": 8}, "surface": {"model": law}}
+    full, _ = render(tmp_path / "full", scene)
+    calls = []
+    original = render_pair._run_cycles
+    monkeypatch.setattr(render_pair, "_run_cycles", lambda *a: (calls.append(1), original(*a))[1])
+    alone, _ = render(tmp_path / "alone", scene, {"quality": {"truth": "SEMANTIC"}})
+    assert len(calls) == 1
+    for eye in ("left", "right"):
+        ours, theirs = read_truth(alone.truth(eye), eye), read_truth(full.truth(eye), eye)
+        np.testing.assert_array_equal(ours.depth, theirs.depth)
+        np.testing.assert_array_equal(ours.semantic, theirs.semantic)
+        assert len(np.unique(ours.semantic)) > 1
+        assert (ours.normal, ours.instance) == (None, None)
+    assert set(alone.data["channels"]) == {"radiance", "depth", "semantic"}
+    assert any("labels of single rocks" in line for line in alone.data["left_out"])
+    assert np.isfinite(prepare(alone.folder, {}).truth).any()
+
+
 def test_blurred_images_without_labels_have_sharp_depth(tmp_path):
     blurred = {"rig": {"focus_distance_m": 1.0}, "quality": {"samples": 4}}
     full, _ = render(tmp_path / "full", blurred)
