@@ -78,7 +78,7 @@ def disparity_errors(folder: Path, methods: Any) -> dict[str, tuple[float, float
 
 def print_errors(folders: list[Path], methods: Any) -> None:
     """Print what rounding changes, pair by pair, and the means with their standard errors."""
-    whole = exr._read_whole
+    whole: Any = exr._read_whole
     changes: dict[str, list[tuple[float, float]]] = {}
 
     def rounded(*arguments: Any) -> Any:
@@ -87,9 +87,9 @@ def print_errors(folders: list[Path], methods: Any) -> None:
 
     for folder in folders:
         full = disparity_errors(folder, methods)
-        exr._read_whole = rounded
+        setattr(exr, "_read_whole", rounded)
         less = disparity_errors(folder, methods)
-        exr._read_whole = whole
+        setattr(exr, "_read_whole", whole)
         for label, (error, wrong) in full.items():
             other, missing = less[label]
             changes.setdefault(label, []).append((other - error, missing - wrong))

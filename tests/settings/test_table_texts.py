@@ -1,6 +1,7 @@
 """What is made once of tables that descriptions share is the same as what is made of each."""
 
 import json
+from typing import Any
 
 from icymoon.settings import pair_ids
 from icymoon.settings.description import check, defaults, digest, merged
@@ -30,9 +31,10 @@ def test_texts_are_equal_where_the_named_settings_are():
 
 def test_a_counter_for_many_descriptions_gives_each_the_id_that_it_has_alone():
     base = defaults()
-    parts = [{}, {"rig": {"heading_deg": 90.0}}, {"surface": {"albedo": 0.5}},
-             {"surface": {"relief": "REAL"}, "mesh": {"kind": "GRID"}}, {"quality": {"truth": "DEPTH"}},
-             {"terrain": {"hurst": 0.5}}]
+    parts: list[dict[str, dict[str, Any]]] = [
+        {}, {"rig": {"heading_deg": 90.0}}, {"surface": {"albedo": 0.5}},
+        {"surface": {"relief": "REAL"}, "mesh": {"kind": "GRID"}}, {"quality": {"truth": "DEPTH"}},
+        {"terrain": {"hurst": 0.5}}]
     described = [base | {topic: base[topic] | values for topic, values in check(part, "test").items()}
                  for part in parts]  # which share the other tables, as those of a plan do
     count = pair_ids.make_counter()

@@ -63,12 +63,13 @@ def shortcuts(*overrides):
 
 def test_what_may_be_left_out_is_varied_to_what_it_is_not():
     bare = ("surface.subsurface_weight=0",)
-    assert shortcuts(*bare) == {"fine relief for camera rays only", "depth only"}
+    assert shortcuts(*bare) == {
+        "fine relief for camera rays only", "depth only", "depth and semantic labels"}
     assert shortcuts(*bare, "quality.fine_relief=CAMERA", "quality.truth=DEPTH") == {
         "fine relief for all light", "normals and labels"}
-    assert shortcuts(*bare, "surface.grain_amplitude_m=0") == {"depth only"}
+    assert shortcuts(*bare, "surface.grain_amplitude_m=0") == {"depth only", "depth and semantic labels"}
     # With a walk all light meets the relief, so that there is none to leave out.
-    assert shortcuts(*WALK) == {"no subsurface scattering", "depth only"}
+    assert shortcuts(*WALK) == {"no subsurface scattering", "depth only", "depth and semantic labels"}
     assert "subsurface scattering" in shortcuts(*WALK, "quality.walk_px=90")
 
 
