@@ -281,11 +281,38 @@ def _run_trade(options: argparse.Namespace) -> int:
 
     def show(report: dict[str, Any]) -> None:
         print("\n".join(report["advice"]))
+        _print_decided(report)
+        print("\n".join(report["decision_advice"]))
         print(page)
 
     groups = [group for group in options.groups.split(",") if group]
     return _run_bench(options, "Measuring", lambda bench: {**run_trade(bench, groups), "report": str(page)}, show,
                       options.repeats)
+
+
+def _print_decided(report: dict[str, Any]) -> None:
+    """Print how the decisions of each variant differ from the reference's, as a table; nothing if there are none."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from ..stereo.report.table_columns import format_number
+    from ..stereo.trade.report import DECISION_COLUMNS, SAME
+
+    rows = [row for row in report["rows"] if row["decisions"]]
+    if not rows:
+        return
+    console = Console()
+    if not console.is_terminal:
+        console.width = max(console.width, 160)  # a pipe has no width, and a table in it must not be wrapped
+    table = Table(title="Decisions against those on the reference", title_justify="left")
+    for title in ("Variant", "CPU (s)", "Matcher", "Decisions", *(column.title for column in DECISION_COLUMNS)):
+        table.add_column(title, justify="left" if title in ("Variant", "Matcher") else "right")
+    for row in sorted(rows, key=lambda row: row["cpu_s"] or 0.0):
+        for method, found in row["decisions"].items():
+            table.add_row(row["name"], f"{row['cpu_s'] or 0.0:.1f}", method, SAME[found["same"]],
+                          *(format_number(found, column) for column in DECISION_COLUMNS))
+    console.print(table)
+    print(report["decision_rule"])
 
 
 def _run_auto(options: argparse.Namespace) -> int:

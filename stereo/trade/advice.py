@@ -8,6 +8,7 @@ from typing import Any
 
 from ...render.cost.tolerance import Tolerance, all_hold
 from ...render.cost.variants import SHAPES
+from .decisions import decisions_text
 from .losses import number_at, pareto_front
 
 #: Tolerances of extra disparity error, px, for which advice is given.
@@ -29,6 +30,32 @@ def variant_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
     subjects = [*([("all matchers", methods)] if len(methods) > 1 else []), *((method, [method]) for method in methods)]
     return [line for name, each in subjects for line in _matcher_advice(name, each, rows, scene, margin)
             ] + _group_advice(rows, scene, methods, margin)
+
+
+def decision_advice(rows: Sequence[Row], methods: Sequence[str], references: Sequence[Row]) -> list[str]:
+    """The cheapest variant that leads to the same decisions as the reference, for all matchers and for each, in words;
+    or why there is none."""
+    alike = [row for row in rows if row["group"] not in SHAPES and row["cpu_s"] is not None and row["decisions"]]
+    if not alike:
+        return [reference["undecided"] for reference in references[:1] if reference["undecided"]]
+    scene, margin = next(row for row in rows if row["group"] == "scene"), _margin(rows)
+    subjects = [*([("all matchers", methods)] if len(methods) > 1 else []), *((method, [method]) for method in methods)]
+    return [_decision_line(name, each, alike, scene, margin, references[0]) for name, each in subjects]
+
+
+def _decision_line(name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float,
+                   reference: Row) -> str:
+    same = {row["key"]: all_hold(row["decisions"][method]["same"] for method in methods) for row in rows}
+    best = _cheapest([row for row in rows if same[row["key"]]], margin)
+    if best is not None:
+        differs = decisions_text(best["decisions"][methods[0]]) if len(methods) == 1 else ""
+        return (f"{name}, the same decisions as the reference: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
+                f"{_ratio_text(scene, best, margin)}{differs and f', decides {differs}'}.")
+    own = all_hold(found["same"] for label, found in reference["own_decisions"].items() if label in methods)
+    if own is False or None in same.values():
+        return (f"{name}: noise leaves open which variant leads to the same decisions as the reference; give more "
+                "reference samples, or a larger scale.")
+    return f"{name}: no variant leads to the same decisions as the reference; give more samples."
 
 
 def pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list[Row]]:

@@ -21,6 +21,7 @@ from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.description import merged
 from ...typed_settings import Settings
+from ..decisions.rules import Rules
 from ..images.develop import develop, grey
 from ..images.exr import Light
 from ..matchers import match
@@ -29,6 +30,7 @@ from ..matchers.search_range import known_ranges
 from ..measure.jackknife import jackknife, tile_sums
 from ..measure.metrics import usable
 from ..measure.prepare import Loaded, load, none_for_nan
+from .decisions import Deciding, Matched, open_deciding
 
 #: The numbers of a matcher, over pixels that both eyes see: the share that is measured; of the measured ones the mean
 #: disparity error, px, and the share wrong by more than 1 px; the share that is missing or wrong by more than 1 px.
@@ -52,6 +54,8 @@ class Reference:
     noise: float  # standard deviation over mean radiance, of the mean of the renders
     cpu_s: float | None  # of all renders
     tallies: dict[str, np.ndarray]  # per matcher, (1 + renders, tiles, 4) of ``tally``: of the mean, of each render
+    deciding: Deciding | str  # what matchers decide on the mean of the renders, or why nothing
+    own_decisions: dict[str, dict[str, Any]]  # how the decisions on each render differ from these
 
     @property
     def stereo(self) -> dict[str, dict[str, float | None]]:
@@ -65,8 +69,8 @@ class Reference:
 
 
 def read_reference(folders: Sequence[Path], methods: Sequence[Method],
-                   response: Mapping[str, Mapping[str, Any]]) -> Reference:
-    """Read the reference from its renders, which differ only by their noise.
+                   response: Mapping[str, Mapping[str, Any]], rules: Rules | None = None) -> Reference:
+    """Read the reference from its renders, which differ only by their noise. With ``rules`` decisions are compared.
 
     Raises IcyMoonError if a render cannot be read, or if the scene is black.
     """
@@ -82,9 +86,14 @@ def read_reference(folders: Sequence[Path], methods: Sequence[Method],
     cost = _cost(renders)["cpu_s"]
     untallied = Reference(first.pair, exposed, light, first.depth["left"], first.visible["left"],
                           _noise(renders) / len(renders) ** 0.5 / mean,
-                          cost and len(renders) * cost, {})
-    seen = [light, *(render.light for render in renders if len(renders) > 1)]
-    return replace(untallied, tallies=_tally_images(untallied, seen, methods))
+                          cost and len(renders) * cost, {}, "Decisions were not asked for.", {})
+    matched = _match_images(untallied, [light, *(render.light for render in renders if len(renders) > 1)], methods)
+    tallied = replace(untallied, tallies=_tally(untallied, matched, methods))
+    if rules is None:
+        return tallied
+    deciding = open_deciding(folders[0], matched[0], rules)
+    own = {} if isinstance(deciding, str) or len(matched) < 2 else deciding.compare(matched[1:])
+    return replace(tallied, deciding=deciding, own_decisions=own)
 
 
 def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Method],
@@ -103,6 +112,8 @@ def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Met
       image without noise, see the module.
     * ``bias_doubt``, ``loss_doubt``: uncertainty of these from noise, in 19 of 20 cases: two standard errors over tiles
       of the image (``jackknife``) and, for a loss, the uncertainty of what is subtracted for the reference's noise.
+    * ``decisions``: per matcher how its decisions differ from those on the reference, see ``decisions.Deciding``; empty
+      where they are not compared.
     * ``cpu_range``: the smallest and the largest ``cpu_s``.
 
     All are fractions unless a unit is named. Raises IcyMoonError if a render cannot be read or shows another view.
@@ -112,12 +123,14 @@ def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Met
         if render.pair.camera != reference.pair.camera:
             raise IcyMoonError(f"{render.pair.folder} and {reference.pair.folder} have different cameras; render both "
                                "again.")
-    tallies = _tally_images(reference, [render.light for render in renders], methods)
+    matched = _match_images(reference, [render.light for render in renders], methods)
+    tallies = _tally(reference, matched, methods)
     losses = {label: _loss(sums, reference.tallies[label]) for label, sums in tallies.items()}
     return {**_cost(renders, images), **_radiance(renders, reference), **_depth(renders[0], reference),
             "stereo": {label: _named(stereo_numbers(sums.sum(axis=1)).mean(axis=0)) for label, sums in tallies.items()},
             "loss": {label: _named(loss) for label, (loss, _) in losses.items()},
-            "loss_doubt": {label: _named(doubt) for label, (_, doubt) in losses.items()}}
+            "loss_doubt": {label: _named(doubt) for label, (_, doubt) in losses.items()},
+            "decisions": {} if isinstance(reference.deciding, str) else reference.deciding.compare(matched)}
 
 
 def _cost(renders: Sequence[Loaded], images: int = 1) -> dict[str, Any]:
@@ -159,16 +172,26 @@ def _depth(render: Loaded, reference: Reference) -> dict[str, float | None]:
             "depth_m": float(np.median(np.abs(depth - reference.depth)[both]))}
 
 
-def _tally_images(reference: Reference, lights: Sequence[Mapping[str, Light]],
-             methods: Sequence[Method]) -> dict[str, np.ndarray]:
-    """Per matcher, sums (images, tiles, 4), see ``tally``, of images with the exposure of the reference, against its
-    depth where both eyes see."""
-    true = np.where(reference.visible, reference.pair.camera.disparity(reference.depth), np.nan)
+def _match_images(reference: Reference, lights: Sequence[Mapping[str, Light]],
+                  methods: Sequence[Method]) -> list[Matched]:
+    """What the matchers find on images with the exposure of the reference."""
     images = [develop(reference.pair, light["left"], light["right"], reference.settings).for_matchers()
               for light in lights]
-    ranges = known_ranges(reference.pair.settings, true, bool(reference.pair.data.get("edited_by_hand")))
-    return {method.label: np.stack([tally(match(method.name, left, right, method.options, reference.pair.camera,
-                                                ranges)[0], true) for left, right in images]) for method in methods}
+    ranges = known_ranges(reference.pair.settings, _true_disparity(reference),
+                          bool(reference.pair.data.get("edited_by_hand")))
+    return [Matched(left, {method.label: match(method.name, left, right, method.options, reference.pair.camera,
+                                               ranges)[0] for method in methods}) for left, right in images]
+
+
+def _tally(reference: Reference, matched: Sequence[Matched], methods: Sequence[Method]) -> dict[str, np.ndarray]:
+    """Per matcher, sums (images, tiles, 4), see ``tally``, against the depth of the reference where both eyes see."""
+    true = _true_disparity(reference)
+    return {method.label: np.stack([tally(each.disparities[method.label], true) for each in matched])
+            for method in methods}
+
+
+def _true_disparity(reference: Reference) -> np.ndarray:
+    return np.where(reference.visible, reference.pair.camera.disparity(reference.depth), np.nan)
 
 
 def tally(disparity: np.ndarray, true: np.ndarray) -> np.ndarray:

@@ -58,6 +58,7 @@ def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
     Raises IcyMoonError with the error of Blender's process if a render fails.
     """
     packages.require(*packages.PACKAGES)
+    from ..decisions.rules import read_rules
     from ..matchers.methods import parse_methods
     from .losses import measure, read_reference
     from .report import write_trade
@@ -68,7 +69,8 @@ def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
     kinds = sorted({variant.group in SHAPES for variant in chosen})
     bests = {fine: reference(bench.settings, bench.samples, fine) for fine in kinds}
     counter = RenderCounter(bench.on_event, sum(variant.repeats for variant in (*bests.values(), *chosen)))
-    truths = {fine: read_reference(render_all(best, bench, counter), methods, {}) for fine, best in bests.items()}
+    truths = {fine: read_reference(render_all(best, bench, counter), methods, {}, read_rules())
+              for fine, best in bests.items()}
     folders: dict[str, list[Path]] = {variant.key: [] for variant in chosen}
     for repeat in range(bench.repeats):  # all once before any twice, so that repeats show if the machine slows down
         for variant in chosen:
@@ -79,7 +81,9 @@ def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
         rows.append({"group": variant.group, "name": variant.name, "key": variant.key,
                      "changed": _changed(variant.settings, bench.settings), **found})
     references = [{"name": bests[fine].name, "noise": truth.noise, "stereo": truth.stereo, "own": truth.own,
-                   "cpu_s": truth.cpu_s, "changed": _changed(bests[fine].settings, bench.settings)}
+                   "cpu_s": truth.cpu_s, "own_decisions": truth.own_decisions,
+                   "undecided": truth.deciding if isinstance(truth.deciding, str) else "",
+                   "changed": _changed(bests[fine].settings, bench.settings)}
                   for fine, truth in truths.items()]
     return write_trade(rows, [method.label for method in methods], references, GROUPS, _provenance(bench), bench.out)
 

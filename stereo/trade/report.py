@@ -18,11 +18,12 @@ from ...files import write_json, write_text
 from ...render.cost.variants import SHAPES
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg, set_logarithmic
 from ..report.table_columns import Column, format_number
-from .advice import distinct_steps, loss_text, pareto_fronts, variant_advice
+from .advice import decision_advice, distinct_steps, loss_text, pareto_fronts, variant_advice
+from .decisions import MOST_REGRET, RULE
 from .losses import STEREO, number_at
 
 FORMAT = "icymoon-trade"
-VERSION = 2
+VERSION = 3
 COLUMNS = (Column("cpu_s", "CPU", "s", 1, "processor seconds of a pair: build, both eyes, truth, files"),
            Column("wall_s", "Wall", "s", 1, "seconds of a pair on this machine"),
            Column("memory_mib", "Memory", "MiB", 0, "peak memory of the rendering process"),
@@ -31,8 +32,19 @@ COLUMNS = (Column("cpu_s", "CPU", "s", 1, "processor seconds of a pair: build, b
            Column("noise", "Noise", "%", 2, "random part of the RMSE, which differs between renders"),
            Column("structure", "Structure", "%", 2, "other part of the RMSE, the same in every render"),
            Column("depth_px", "Depth", "px", 3, "95 % of the true depths differ from the reference by at most this"))
+#: How the decisions of a matcher differ from those on the reference.
+DECISION_COLUMNS = (Column("otherwise", "otherwise", "%", 1, "share of the cells in reach that are decided otherwise"),
+                    Column("unsafe", "unsafe", "%", 1, "more unsafe cells taken for safe, as a share of all"),
+                    Column("shift_m", "site", "m", 2, "distance of the chosen site from that on the reference"),
+                    Column("regret", "regret", "", 2, f"how much larger its regret is; {MOST_REGRET:g} is allowed"))
+#: The verdict on the decisions of a matcher.
+SAME = {True: "same", False: "other", None: "open"}
 STEREO_COLUMNS = {"coverage": Column("coverage", "coverage", "%", 1), "epe_px": Column("epe_px", "EPE", "px", 3),
                   "bad_1": Column("bad_1", "bad-1", "%", 1)}
+
+
+#: The numbers of decisions in the CSV.
+_DECIDED = ("otherwise", "otherwise_doubt", "unsafe", "unsafe_doubt", "shift_m", "regret", "same")
 
 
 def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], references: Sequence[Mapping[str, Any]],
@@ -40,11 +52,13 @@ def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], refer
     """Write ``trade.json``, ``trade.csv`` and ``trade.html`` to ``out``; return what is in the JSON.
 
     ``rows``: per variant ``group``, ``name``, ``changed`` (settings by topic.key) and the result of ``losses.measure``.
-    ``references``: ``name``, ``noise``, ``cpu_s``, ``stereo`` and ``own`` of each. ``groups``: a description of each.
+    ``references``: ``name``, ``noise``, ``cpu_s``, ``stereo``, ``own``, ``own_decisions`` and ``undecided`` of each.
+    ``groups``: a description of each.
     """
     best = pareto_fronts(rows, methods)
     report = {"format": FORMAT, "version": VERSION, "methods": list(methods), "references": list(references),
               "rows": [dict(row) for row in rows], "advice": variant_advice(rows, methods),
+              "decision_advice": decision_advice(rows, methods, references), "decision_rule": RULE,
               "fronts": {label: [row["name"] for row in found] for label, found in best.items()},
               "provenance": dict(provenance)}
     write_json(out / "trade.json", report)
@@ -56,6 +70,7 @@ def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], refer
     scene = [row for row in rows if row["group"] == "scene"]
     html = environment.get_template("trade.html.j2").render(
         report=report, columns=COLUMNS, stereo_columns=STEREO_COLUMNS, format_number=format_number,
+        decision_columns=DECISION_COLUMNS, same=SAME, decided=[row for row in rows if row["decisions"]],
         chart=_draw_chart(rows, methods, best),
         lost=_loss_text, fronts={label: distinct_steps(found, label) for label, found in best.items()},
         best={row["key"] for found in best.values() for row in found},
@@ -82,11 +97,13 @@ def _csv_text(rows: Sequence[Mapping[str, Any]], methods: Sequence[str]) -> str:
     table.writerow(["group", "name", *(column.key for column in COLUMNS), "depth_m",
                     *(f"{method} {key}" for method in methods for key in STEREO),
                     *(f"{method} {what} {key}" for what in ("loss", "loss ±") for method in methods for key in STEREO),
-                    "bias ±", "changed"])
+                    "bias ±", *(f"{method} decisions {key}" for method in methods for key in _DECIDED), "changed"])
     for row in rows:
         table.writerow([row["group"], row["name"], *(row[column.key] for column in COLUMNS), row["depth_m"],
                         *(row[kind][method][key] for kind in ("stereo", "loss", "loss_doubt") for method in methods
-                          for key in STEREO), row["bias_doubt"], json.dumps(row["changed"])])
+                          for key in STEREO), row["bias_doubt"],
+                        *(row["decisions"].get(method, {}).get(key) for method in methods for key in _DECIDED),
+                        json.dumps(row["changed"])])
     return text.getvalue()
 
 

@@ -13,10 +13,11 @@ DOWN = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2], [0, 0, 0, 1]])
 CELL_M = 0.04
 
 
-def write(folder: Path, scene: pairs.Scene | None = None, exact: bool = True) -> Path:
+def write(folder: Path, scene: pairs.Scene | None = None, exact: bool = True,
+          noise: float = 0.0) -> Path:
     """A pair of level ground with a rock of 0.5 m beside it, seen from above, with its true heights if ``exact``."""
     rig = pairs.camera(256, 144)
-    pairs.write_pair(folder, scene or pairs.Scene(slope_x=0.0, slope_y=0.0), rig)
+    pairs.write_pair(folder, scene or pairs.Scene(slope_x=0.0, slope_y=0.0), rig, noise=noise)
     data = json.loads((folder / "pair.json").read_text())
     right = DOWN.copy()
     right[0, 3] = rig.baseline_m

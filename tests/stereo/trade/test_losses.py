@@ -1,24 +1,28 @@
 """The losses of variants, on pairs with an error that was put in and so is known."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pairs
 import pytest
+import workspaces
 from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
 from icymoon.render.cost.tolerance import checked_tolerance, parse_fraction
 from icymoon.render.cost.variants import GROUPS
+from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.jackknife import jackknife, tile_sums
-from icymoon.stereo.trade.advice import distinct_steps, pareto_fronts, variant_advice
+from icymoon.stereo.trade.advice import decision_advice, distinct_steps, pareto_fronts, variant_advice
 from icymoon.stereo.trade.losses import measure, number_at, pareto_front, read_reference
 from icymoon.stereo.trade.report import write_trade
 
 METHODS = parse_methods("sgbm,bm")
 SCENE = pairs.Scene(contrast=0.4)
 RIG = pairs.camera(256, 144)
+SCENE_OF_DECISIONS = pairs.Scene(contrast=0.4, slope_x=0.0, slope_y=0.0)
 
 
 def folders(root, name, count=2, noise=0.0, scene=SCENE, rig=RIG):
@@ -109,7 +113,7 @@ def row(group, name, cost, loss, bias=0.0, doubt=0.004):
             "wall_s": cost, "memory_mib": None, "bias": bias, "bias_doubt": 0.0005, "rmse": abs(bias), "noise": None,
             "structure": None, "depth_px": 0.0, "depth_m": 0.0, "changed": {}, "stereo": {"sgbm": stereo},
             "loss": {"sgbm": stereo | {"epe_px": loss, "coverage": 0.0}},
-            "loss_doubt": {"sgbm": dict.fromkeys(stereo, doubt)}}
+            "loss_doubt": {"sgbm": dict.fromkeys(stereo, doubt)}, "decisions": {}}
 
 
 ROWS = [row("scene", "as described", 10.0, 0.015), row("samples", "8 samples", 2.0, 0.08),
@@ -180,7 +184,9 @@ def test_the_steps_of_a_front_are_not_noise():
 
 
 def test_the_report_holds_everything(tmp_path):
-    reference = {"name": "64 samples", "noise": 0.01, "cpu_s": None, "stereo": {}, "own": {"sgbm": {"epe_px": 0.02}}}
+    reference: dict[str, Any] = {"name": "64 samples", "noise": 0.01, "cpu_s": None, "stereo": {},
+                                 "own": {"sgbm": {"epe_px": 0.02}}, "undecided": "Nothing is decided.",
+                                 "own_decisions": {}}
     report = write_trade(ROWS, ["sgbm"], [reference], GROUPS, {"created": "2030-01-01T00:00:00+00:00"}, tmp_path)
     assert report["fronts"]["sgbm"][-1] == "256 samples"
     lines = (tmp_path / "trade.csv").read_text().splitlines()
@@ -190,6 +196,13 @@ def test_the_report_holds_everything(tmp_path):
     page = (tmp_path / "trade.html").read_text()
     assert all(each["name"] in page for each in ROWS)
     assert "0.018 ± 0.004" in page
+    assert "Nothing is decided." in page
+    reference |= {"undecided": "", "own_decisions": decided("", 1.0, True)["decisions"]}
+    rows = [each | {"decisions": {"sgbm": decided("", 1.0, None)["decisions"]["bm"]}} for each in ROWS]
+    write_trade(rows, ["sgbm"], [reference], GROUPS, {"created": "2030-01-01T00:00:00+00:00"}, tmp_path)
+    page = (tmp_path / "trade.html").read_text()
+    assert "noise leaves open" in page
+    assert "± 1.0" in page
     assert "https:" not in page
 
 
@@ -264,3 +277,45 @@ def test_a_share_is_given_as_one_or_in_per_cent():
     assert parse_fraction("0.5%") == parse_fraction("0.005") == checked_tolerance(None, 0.005).wrong_or_missing
     assert checked_tolerance(None, None).limits == {"epe_px": 0.02}
     assert str(checked_tolerance(0.02, 0.005)) == "0.02 px and 0.5 % bad-1"
+
+
+def test_the_same_images_decide_the_same_and_noise_does_not(tmp_path):
+    made = [workspaces.write(tmp_path / name, SCENE_OF_DECISIONS) for name in ("a", "b", "c")]
+    reference = read_reference(made[:2], METHODS, {}, read_rules())
+    same = measure(made[2:], reference, METHODS)["decisions"]["bm"]
+    assert same["otherwise"] == same["unsafe"] == same["shift_m"] == same["otherwise_doubt"] == 0
+    assert same["same"] is True
+    assert reference.own_decisions["bm"]["same"] is True
+    noisy = workspaces.write(tmp_path / "noisy", SCENE_OF_DECISIONS, noise=0.5)
+    other = measure([noisy], reference, METHODS)["decisions"]["bm"]
+    assert other["otherwise"] > 0
+    assert other["same"] is not True
+
+
+def test_where_nothing_can_be_decided_there_is_a_sentence(tmp_path):
+    reference = read_reference(folders(tmp_path, "r"), METHODS, {}, read_rules())
+    assert "place of its camera" in str(reference.deciding)
+    found = measure(folders(tmp_path, "v"), reference, METHODS)
+    row = {"group": "scene", "name": "as described", "key": "scene", **found}
+    assert row["decisions"] == {}
+    stated = {"undecided": reference.deciding, "own_decisions": {}}
+    assert decision_advice([row], ["bm"], [stated]) == [reference.deciding]
+
+
+def decided(name: str, cpu_s: float, same: bool | None) -> dict[str, Any]:
+    return {"group": "samples", "name": name, "key": name, "cpu_s": cpu_s, "cpu_range": [cpu_s, cpu_s],
+            "decisions": {"bm": {"same": same, "otherwise": 0.01, "otherwise_doubt": 0.01, "unsafe": 0.0,
+                                 "unsafe_doubt": 0.0, "shift_m": 0.1, "regret": 0.0}}}
+
+
+def test_the_advice_is_the_cheapest_variant_with_the_same_decisions():
+    rows = [{**decided("as described", 9.0, True), "group": "scene"}, decided("few", 1.0, False),
+            decided("some", 3.0, True), decided("many", 5.0, True)]
+    reference: dict[str, Any] = {"undecided": "", "own_decisions": {"bm": {"same": True}}}
+    line, = decision_advice(rows, ["bm"], [reference])
+    assert "“some”, 3.0 CPU seconds a pair (3.0 times less" in line
+    assert "1.0 ± 1.0 % of the cells otherwise" in line
+    alone = [rows[1], {**rows[1], "group": "scene"}]
+    assert "no variant" in decision_advice(alone, ["bm"], [reference])[0]
+    reference["own_decisions"]["bm"]["same"] = False
+    assert "noise leaves open" in decision_advice(alone, ["bm"], [reference])[0]
