@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +21,23 @@ from ..records import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_r
 from ..version import version
 from .artefacts import check_output_folder, files_exist, remove_leftovers
 from .decisions import pictures
-from .decisions.arm import Scoop, find_scoop, locate
-from .decisions.change import measure_change, region_cells
-from .decisions.progress import find_progress, series_of
+from .decisions.arm import Scoop, find_scoop, locate, stated_joints
+from .decisions.faults import find_faults
+from .decisions.progress import find_progress, series_of, site_of
 from .decisions.reach import has_arm
 from .decisions.report import OPENINGS, write_decisions
 from .decisions.rules import Rules
 from .decisions.stored_maps import TRUE_DEPTH
-from .decisions.workspace import Maps, Workspace, compare, decide, disturb, open_workspace, toward_sun
+from .decisions.workspace import (
+    Maps,
+    Workspace,
+    compare,
+    compare_beside_lander,
+    decide,
+    disturb,
+    open_workspace,
+    toward_sun,
+)
 from .evaluate import digest_of, method_inputs
 from .images.image_files import write_bytes, write_png
 from .matchers import match
@@ -43,12 +52,11 @@ from .sources import Source, check_response, find_sources
 Event = Callable[[dict[str, Any]], None]
 
 #: Version of the decisions: increased when the same input gives other numbers or files.
-DECISIONS = 3
-#: Pairs in which nothing was dug that are made of the first state of a series, by other noise of the sensor.
-NULL_PAIRS = 8
+DECISIONS = 4
 _LOG = "decisions.jsonl"
 _ROW: dict[str, Shape] = {"status": TEXT, "error": TEXT, "numbers": Maybe(TABLE, null=True), "images": Each(TEXT, TEXT)}
-_FACTS = {"pair": FILE_NAME, "scene": TEXT, "key": TEXT, "images": Each(TEXT, TEXT), "sun_elevation_deg": NUMBER}
+_FACTS = {"pair": FILE_NAME, "scene": TEXT, "site": TEXT, "key": TEXT, "images": Each(TEXT, TEXT),
+          "sun_elevation_deg": NUMBER}
 
 
 @dataclass(frozen=True)
@@ -111,7 +119,9 @@ def decide_pairs(paths: Sequence[Path], methods: Sequence[Method], out: Path, ru
     rows = [log.read(name, label) for name in names for label in labels]
     provenance = {"source": ", ".join(str(path.resolve()) for path in paths), "seed": seed,
                   "pose_error": {"mm": pose.mm, "deg": pose.deg}}
-    return write_decisions(out, rows, facts, labels, rules, find_progress(rows, facts, labels, out), failed, provenance)
+    return write_decisions(out, rows, facts, labels, rules,
+                           find_progress(rows, facts, labels, out, rules.site.disc_m),
+                           find_faults(rows, facts, labels), failed, provenance)
 
 
 def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
@@ -137,7 +147,6 @@ def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
     random = generator(run.seed, "pose", int(digest_of(source.name), 16) % 2 ** 32)
     pose = disturb(workspace.pose, run.pose.mm, run.pose.deg, random)
     scoop = find_scoop(workspace.pair, workspace.pose, random)
-    nulls = _null_pairs(source, run, workspace) if run.methods else []
     for label, key in keys.items():
         if label in there:
             yield there[label]
@@ -145,7 +154,7 @@ def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
         method = next((each for each in run.methods if each.label == label), None)
         try:
             row = {"pair": source.name, "method": label, "key": key, "status": _status(workspace.prepared), "error": "",
-                   **_decide(workspace, method, pose, run.out, scoop, random, nulls)}
+                   **_decide(workspace, method, pose, run.out, scoop, random)}
         except DiskError:
             raise
         except Exception as error:
@@ -174,45 +183,18 @@ def _excavation(workspace: Workspace) -> dict[str, Any] | None:
     return {key: stated[key] for key in wanted} if stated else None
 
 
-def _null_pairs(source: Source, run: _Run, workspace: Workspace) -> list[Workspace]:
-    """The pair of a series' first state again, with other noise of the sensor; none of any other pair.
-
-    Noise of the render and the pose of the camera are the same in all.
-    """
-    stated = workspace.pair.data.get("excavation")
-    if not stated or int(stated["state"]) != 0:
-        return []
-    seed = int(workspace.prepared.facts["settings"].sensor.noise_seed)
-    found = []
-    for k in range(1, NULL_PAIRS + 1):
-        response = {**run.response, "sensor": {**run.response.get("sensor", {}), "noise_seed": seed + k}}
-        found.append(replace(workspace, prepared=source.prepare(response)))
-    return found
-
-
-def _null_volumes(nulls: Sequence[Workspace], method: Method, found: Maps, pose: np.ndarray) -> list[float]:
-    """The volumes, m3, between the elevation model of a pair and those of its null pairs, over the region dug."""
-    volumes = []
-    for null in nulls:
-        other = decide(null, _match(null, method)[0], pose)
-        region = region_cells(null.grid, null.pair.data["excavation"]["region_m"])
-        change = measure_change(found.dem.height_m, other.dem.height_m, region, null.grid.cell_m)
-        volumes += [] if change is None else [change.volume_m3]
-    return volumes
-
-
 def _decide(workspace: Workspace, method: Method | None, pose: np.ndarray, out: Path, scoop: Scoop | None,
-            random: np.random.Generator, nulls: Sequence[Workspace]) -> dict[str, Any]:
+            random: np.random.Generator) -> dict[str, Any]:
     """The numbers and files of a method; of the true depth without one."""
     depth, matching = (workspace.prepared.truth, 0.0) if method is None else _match(workspace, method)
     start = time.process_time()
     found = decide(workspace, depth, pose)
     numbers = compare(workspace, found)
+    if has_arm(workspace.pair.settings):
+        numbers["dem"] |= compare_beside_lander(workspace, found, depth, pose)
     if scoop is not None:
         numbers["scoop"] = locate(scoop, depth, workspace.pair, pose, random)
     numbers["cpu_s"] = {"match": matching, "decide": time.process_time() - start}
-    if nulls and method is not None:
-        numbers["null_m3"] = _null_volumes(nulls, method, found, pose)
     return {"numbers": numbers, "images": _write_maps(workspace, found, numbers, out,
                                                       method.file_name if method else "true_depth")}
 
@@ -265,11 +247,13 @@ def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
              "truth_suitability": "truth_suitability.npy", "reach": "reach.npy"}
     grid, up = workspace.grid, float(toward_sun(workspace.pair)[2])
     write_json(folder / "decisions.json", {
-        "pair": name, "scene": series_of(prepared.facts["settings"]), "key": key, "exact": workspace.exact,
-        "arm": has_arm(workspace.pair.settings),
+        "pair": name, "scene": series_of(prepared.facts["settings"]),
+        "site": site_of(prepared.facts["settings"]), "key": key, "exact": workspace.exact,
+        "arm": has_arm(workspace.pair.settings), "joints": stated_joints(workspace.pair),
         "cell_m": grid.cell_m, "rows": grid.rows, "columns": grid.columns, "origin_m": [grid.west_m, grid.north_m],
         "sun_elevation_deg": float(np.degrees(np.arcsin(np.clip(up, -1, 1)))),
-        "excavation": _excavation(workspace), "height_px": int(prepared.left.shape[0]),
+        "excavation": _excavation(workspace), "render_seed": workspace.pair.data.get("seeds", {}).get("render"),
+        "height_px": int(prepared.left.shape[0]),
         "suspect": not prepared.check.ok, "noise": prepared.facts.get("noise"),
         "images": {kind: (folder / file).relative_to(out).as_posix() for kind, file in files.items()}})
 

@@ -9,15 +9,13 @@ import numpy as np
 
 from ...physics.arm.kinematics import forward
 from ...physics.arm.lander_solids import arm_solids
-from ...physics.arm.parametric import arm_of, commanded_rad
+from ...physics.arm.parametric import JOINTS, arm_of, commanded_rad, real_rad
 from ...render.pairs.pair_folder import Pair
 from ..images.exr import NORMAL_PASSES, read_truth
 from .dem import points_of
-from .scoop_pose import find_pose, levers_of, pose_error, sample_surface, smallest_fault_deg
+from .scoop_pose import find_pose, pose_error, sample_surface
 
 SCOOP = "scoop"
-#: Joints whose smallest fault is stated: those that the table has room for.
-FAULTS = ("yaw", "shoulder", "elbow", "wrist")
 _MODEL_POINTS = 6000
 
 
@@ -30,7 +28,6 @@ class Scoop:
     commanded: np.ndarray
     model: np.ndarray  # points and normals (n, 6) of its surface
     middle: np.ndarray  # (3,), in the link's frame
-    levers_m: dict[str, float]  # of its middle about each joint
 
 
 def find_scoop(pair: Pair, pose: np.ndarray, random: np.random.Generator) -> Scoop | None:
@@ -47,8 +44,17 @@ def find_scoop(pair: Pair, pose: np.ndarray, random: np.random.Generator) -> Sco
     middle = (solid.vertices.min(axis=0) + solid.vertices.max(axis=0)) / 2
     return Scoop(pair.camera.cropped(instance) == links[SCOOP]["instance"],
                  pose @ np.array(links[SCOOP]["link_to_left"], np.float64), forward(arm, joints)[-1],
-                 sample_surface(solid.vertices, solid.triangles, _MODEL_POINTS, random), middle,
-                 levers_of(arm, joints, middle))
+                 sample_surface(solid.vertices, solid.triangles, _MODEL_POINTS, random), middle)
+
+
+def stated_joints(pair: Pair) -> dict[str, dict[str, float]] | None:
+    """The angles in degrees that the joints of a pair's arm were told, ``commanded``, and the ``fault`` of each; None
+    if there is no arm of ours in it."""
+    if not pair.data.get("lander") or pair.settings.lander.kind != "PARAMETRIC":
+        return None
+    told = commanded_rad(pair.settings.arm)
+    return {name: dict(zip(JOINTS, np.round(np.degrees(angles), 6).tolist(), strict=True))
+            for name, angles in (("commanded", told), ("fault", real_rad(pair.settings.arm) - told))}
 
 
 def locate(scoop: Scoop, depth_m: np.ndarray, pair: Pair, pose: np.ndarray,
@@ -56,17 +62,17 @@ def locate(scoop: Scoop, depth_m: np.ndarray, pair: Pair, pose: np.ndarray,
     """Where a planar depth (H, W) finds the scoop, seen from a left eye that is taken to have this ``pose``.
 
     ``error_mm`` at its middle and ``error_deg`` from the true pose, ``apart_mm`` of the true pose from the commanded
-    one, ``pixels`` of it, the share ``known`` of these, and ``<joint>_fault_deg``: the smallest fault of a joint that
-    would be noticed if errors of this size were one standard deviation. None where there is no pose.
+    one, ``found_mm`` (3,) east, north and up of the pose found from the commanded one, ``pixels`` of it, and the share
+    ``known`` of these. None where there is no pose.
     """
     apart, _ = pose_error(scoop.true, scoop.commanded, scoop.middle)
     points, _ = points_of(np.where(scoop.mask, depth_m, np.nan), pair.camera.rectified, pose)
     pixels = int(scoop.mask.sum())
     found = find_pose(scoop.model, points, scoop.commanded, pose[:3, 3], random)
     numbers: dict[str, Any] = {"apart_mm": apart, "pixels": pixels, "known": len(points) / pixels if pixels else None,
-                               "error_mm": None, "error_deg": None, **{f"{name}_fault_deg": None for name in FAULTS}}
+                               "error_mm": None, "error_deg": None, "found_mm": None}
     if found is None:
         return numbers
     error_mm, error_deg = pose_error(found.pose, scoop.true, scoop.middle)
-    return numbers | {"error_mm": error_mm, "error_deg": error_deg,
-                      **{f"{name}_fault_deg": smallest_fault_deg(error_mm, scoop.levers_m[name]) for name in FAULTS}}
+    shift = (found.pose - scoop.commanded)[:3] @ np.append(scoop.middle, 1.0)
+    return numbers | {"error_mm": error_mm, "error_deg": error_deg, "found_mm": (1000 * shift).tolist()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from .change import Detection
 from .workspace import Maps, Workspace
 
 #: What became of a cell: its name and its RGB colour, distinct for colour-blind eyes.
@@ -36,11 +37,21 @@ def code_picture(maps: Maps, inside: np.ndarray) -> np.ndarray:
 
 def error_picture(workspace: Workspace, found: Maps) -> np.ndarray:
     """BGR picture of the height error of each cell: red too high, blue too low, grey not known."""
-    error = found.dem.height_m - workspace.truth.dem.height_m
-    amount = np.clip(np.abs(np.nan_to_num(error)) / FULL_M, 0, 1)[..., None]
-    end = np.where((np.nan_to_num(error) > 0)[..., None], _HIGH, _LOW)
+    return _signed_picture(found.dem.height_m - workspace.truth.dem.height_m)
+
+
+def change_picture(found: Detection) -> np.ndarray:
+    """BGR picture of the cells that changed beyond their level of detection: blue lower than before, red higher, white
+    no change beyond it, grey not known."""
+    risen = -np.where(found.significant | np.isnan(found.changed_m), found.changed_m, 0.0)
+    return _signed_picture(risen)
+
+
+def _signed_picture(metres: np.ndarray) -> np.ndarray:
+    amount = np.clip(np.abs(np.nan_to_num(metres)) / FULL_M, 0, 1)[..., None]
+    end = np.where((np.nan_to_num(metres) > 0)[..., None], _HIGH, _LOW)
     rgb = np.rint(_RIGHT + amount * (end - np.array(_RIGHT)))
-    return _enlarged(np.where(np.isnan(error)[..., None], _UNKNOWN, rgb).astype(np.uint8)[..., ::-1])
+    return _enlarged(np.where(np.isnan(metres)[..., None], _UNKNOWN, rgb).astype(np.uint8)[..., ::-1])
 
 
 def with_ring(picture: np.ndarray, place: list[int] | None, shape: tuple[int, ...], disc_m: float,

@@ -1,4 +1,8 @@
-"""How far an excavation has come, by each matcher: volumes between the elevation models of a series of states."""
+"""How far an excavation has come, by each matcher: volumes between the elevation models of a series of states.
+
+What a matcher takes for a change is measured on null pairs: pairs of the same site in which nothing had been dug, each
+with noise of its own, and with the jitter of the camera and the Sun that its state has.
+"""
 
 from __future__ import annotations
 
@@ -10,69 +14,155 @@ from typing import Any
 import numpy as np
 
 from ...settings.table import TOPICS
-from .change import Change, find_noise, measure_change, region_cells
+from ..images.image_files import write_png
+from .change import FEWEST_NULLS, Change, Noise, detect, find_noise, measure_change, region_cells
 from .dem import Grid
+from .pictures import change_picture
 
 #: Settings by which the pairs of a series differ besides light and cameras: which state it is.
 _STATE = ("excavation", "state")
+_DUG = "excavation"
 _SHAPE = ("geometry",)
+#: The entries of a fact that two elevation models have in common if their cells are the same.
+_CELLS = ("cell_m", "rows", "columns", "origin_m")
+#: A change of the true volume, m3, that is none.
+_NOTHING_M3 = 1e-9
+_Entry = Mapping[str, Any]
 
 
 def series_of(settings: Mapping[str, Mapping[str, Any]]) -> str:
     """A name of the ground of a pair that all states of one excavation share."""
+    return _name_of(settings, lambda topic, key: (topic, key) != _STATE)
+
+
+def site_of(settings: Mapping[str, Mapping[str, Any]]) -> str:
+    """A name of the untouched ground of a pair, which series on the same site share whatever they dig."""
+    return _name_of(settings, lambda topic, key: topic != _DUG)
+
+
+def _name_of(settings: Mapping[str, Mapping[str, Any]], counts: Any) -> str:
     kept = {f"{topic}.{key}": value for topic, values in settings.items() for key, value in values.items()
-            if (topic, key) != _STATE and topic in TOPICS and TOPICS[topic][key].effect in _SHAPE}
+            if topic in TOPICS and TOPICS[topic][key].effect in _SHAPE and counts(topic, key)}
     return json.dumps(kept, sort_keys=True)
 
 
-def find_progress(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], labels: Sequence[str],
-                  out: Path) -> list[dict[str, Any]]:
-    """For each series of states and each method the ``steps``: ``state``, ``true_m3``, ``found_m3``, ``error_m3``,
-    ``depth_m`` and ``known``; and from null pairs ``bias_m3``, ``sigma_m3``, ``smallest_m3`` (noticed at 95 %).
+def find_progress(rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequence[str], out: Path,
+                  disc_m: float) -> list[dict[str, Any]]:
+    """For each series of states and each method the ``steps`` and what null pairs tell of a volume.
 
-    A series starts with its state of the least number, which all others are compared with. Its null volumes are in the
-    row of that state.
+    A step has ``state``, ``true_m3``, ``found_m3``, ``error_m3``, ``depth_m`` and ``known``; ``level_m``, ``noticed``
+    and ``false_alarm`` of its cells (see ``change.Detection``), whose errors are those of a disc of ``disc_m``; and the
+    path ``map`` of a picture of them, which this writes. Null pairs tell ``bias_m3``, ``sigma_m3``, ``smallest_m3``
+    (noticed at 95 %) and its ``bounds_m3``, or None. ``notes`` are sentences on what cannot be given, and why.
+
+    A series starts with its state of the least number, which all others are compared with.
     """
-    series: dict[str, list[Mapping[str, Any]]] = {}
-    for fact in facts:
-        if fact.get("excavation"):
-            series.setdefault(fact["scene"], []).append(fact)
+    dug = [fact for fact in facts if fact.get("excavation")]
+    series: dict[str, list[_Entry]] = {}
+    for fact in dug:
+        series.setdefault(fact["scene"], []).append(fact)
     found = []
     for states in series.values():
         ordered = sorted(states, key=lambda fact: int(fact["excavation"]["state"]))
-        found += [_progress(ordered, label, rows, out) for label in labels]
+        if any(_is_dug(state) for state in ordered):
+            found += [_progress(ordered, label, rows, dug, out, disc_m) for label in labels]
     return found
 
 
-def _progress(states: Sequence[Mapping[str, Any]], label: str, rows: Sequence[Mapping[str, Any]],
-              out: Path) -> dict[str, Any]:
+def _progress(states: Sequence[_Entry], label: str, rows: Sequence[_Entry], dug: Sequence[_Entry], out: Path,
+              disc_m: float) -> dict[str, Any]:
     own = {row["pair"]: row for row in rows if row["method"] == label and row["status"] == "ok"}
-    first, steps = states[0], []
-    before = own.get(first["pair"])
-    noise = None if before is None else find_noise(before["numbers"].get("null_m3") or ())
+    first, steps, notes = states[0], [], []
     for state in states[1:]:
-        row = own.get(state["pair"])
-        if before is None or row is None:
-            continue
-        change = _between(before, row, first, state, out)
-        true = _left_region_m3(state) - _left_region_m3(first)
-        steps.append({"pair": state["pair"], "state": int(state["excavation"]["state"]), "true_m3": true,
-                      "found_m3": change and change.volume_m3, "error_m3": change and change.volume_m3 - true,
-                      "depth_m": change and change.depth_m, "known": change and change.known})
-    return {"pair": first["pair"], "method": label, "steps": steps, "bias_m3": noise and noise.bias_m3,
-            "sigma_m3": noise and noise.sigma_m3, "smallest_m3": noise and noise.smallest_m3,
+        step = _step(first, state, own, out, disc_m)
+        steps.append(step)
+        notes += [f"By {label} there is no volume of state {step['state']}: {step['missing']}."] * bool(step["missing"])
+    noise, why = _noise(states, dug, own, out)
+    notes += [f"By {label} the smallest volume noticed cannot be given: {why}."] * bool(why)
+    return {"pair": first["pair"], "method": label, "steps": steps, "notes": notes,
+            "bias_m3": noise and noise.bias_m3, "sigma_m3": noise and noise.sigma_m3,
+            "smallest_m3": noise and noise.smallest_m3, "bounds_m3": noise and list(noise.bounds_m3),
             "null_pairs": noise.pairs if noise else 0}
 
 
-def _left_region_m3(state: Mapping[str, Any]) -> float:
+def _step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: Path, disc_m: float) -> dict[str, Any]:
+    """What a method finds of a state; ``missing`` is why there is no volume, or empty."""
+    true = _left_region_m3(state) - _left_region_m3(first)
+    step: dict[str, Any] = {"pair": state["pair"], "state": int(state["excavation"]["state"]), "true_m3": true,
+                            **dict.fromkeys(("found_m3", "error_m3", "depth_m", "known", "level_m", "noticed",
+                                             "false_alarm", "map")), "missing": ""}
+    lost = [fact["pair"] for fact in (first, state) if fact["pair"] not in own]
+    if lost:
+        return step | {"missing": f"pair {lost[0]} failed or contradicts itself"}
+    if not _same_cells(first, state):
+        return step | {"missing": "its cells are not those of the first state; render both with one workspace"}
+    change, known = _between(own, first, state, state["excavation"]["region_m"], out)
+    if change is None:
+        step["missing"] = f"only {100 * known:.0f} % of the cells of the region that is dug are known in both states"
+    else:
+        step |= {"found_m3": change.volume_m3, "error_m3": change.volume_m3 - true, "depth_m": change.depth_m,
+                 "known": change.known}
+    return step | _detected(own, first, state, out, disc_m)
+
+
+def _detected(own: Mapping[str, _Entry], first: _Entry, state: _Entry, out: Path, disc_m: float) -> dict[str, Any]:
+    true_before, true_after = (_read(out, fact["images"]["truth_dem"]) for fact in (first, state))
+    before, after = (_read(out, own[fact["pair"]]["images"]["dem"]) for fact in (first, state))
+    found = detect(before, after, true_before, true_after, first["cell_m"], disc_m)
+    drawn = Path(own[state["pair"]]["images"]["dem"].replace("_dem.npy", "_change.png"))
+    write_png(out / drawn, change_picture(found))
+    return {**found.score(true_before - true_after), "map": drawn.as_posix()}
+
+
+def _noise(states: Sequence[_Entry], dug: Sequence[_Entry], own: Mapping[str, _Entry],
+           out: Path) -> tuple[Noise | None, str]:
+    """What null pairs tell of a volume over the region that is dug, or why they tell nothing.
+
+    They are the pairs of this site in which nothing had been dug. Those of other cells cannot be compared, so the
+    largest group with the same ones is.
+    """
+    groups: list[list[_Entry]] = []
+    for fact in dug:
+        if fact["site"] == states[0]["site"] and not _is_dug(fact) and fact["pair"] in own:
+            same = next((group for group in groups if _same_cells(group[0], fact)), None)
+            if same is None:
+                groups.append([fact])
+            elif all(fact["render_seed"] != other["render_seed"] for other in same):  # else it is the same noise
+                same.append(fact)
+    group = max(groups, key=len, default=[])
+    region = states[-1]["excavation"]["region_m"]
+    volumes = [change.volume_m3 for fact in group[1:]
+               if (change := _between(own, group[0], fact, region, out)[0]) is not None]
+    if len(volumes) >= FEWEST_NULLS:
+        return find_noise(volumes), ""
+    there = f"{len(group)} pair{'' if len(group) == 1 else 's'} of this site show{'s' * (len(group) == 1)}"
+    return None, (f"{there} it with nothing dug and noise of the render of their own, {len(volumes)} of them can be "
+                  f"compared with the first, and it takes {FEWEST_NULLS}; render the series once more with "
+                  "excavation.bite_m = 0, as datasets/excavation_nulls does, and decide on both data sets together")
+
+
+def _is_dug(fact: _Entry) -> bool:
+    return abs(_left_region_m3(fact)) > _NOTHING_M3
+
+
+def _same_cells(one: _Entry, other: _Entry) -> bool:
+    return all(one[key] == other[key] for key in _CELLS)
+
+
+def _left_region_m3(state: _Entry) -> float:
     """By how much the volume under the surface of the region has fallen: not what was dug, as spoil slides in."""
     return -float(state["excavation"]["change_in_region_by_state_m3"][-1])
 
 
-def _between(before: Mapping[str, Any], after: Mapping[str, Any], first: Mapping[str, Any], state: Mapping[str, Any],
-             out: Path) -> Change | None:
-    if any(first[key] != state[key] for key in ("cell_m", "rows", "columns", "origin_m")):
-        return None
-    heights = [np.load(out / row["images"]["dem"], allow_pickle=False).astype(np.float64) for row in (before, after)]
+def _between(own: Mapping[str, _Entry], first: _Entry, state: _Entry, region_m: Sequence[float],
+             out: Path) -> tuple[Change | None, float]:
+    """The change from one pair to another, None if too little is known, and the share of the region that is."""
+    heights = [_read(out, own[fact["pair"]]["images"]["dem"]) for fact in (first, state)]
     grid = Grid(first["cell_m"], first["rows"], first["columns"], *first["origin_m"])
-    return measure_change(heights[0], heights[1], region_cells(grid, state["excavation"]["region_m"]), grid.cell_m)
+    region = region_cells(grid, region_m)
+    known = np.isfinite(heights[0] - heights[1])[region]
+    return measure_change(heights[0], heights[1], region, grid.cell_m), float(known.mean()) if known.size else 0.0
+
+
+def _read(out: Path, file: str) -> np.ndarray:
+    return np.asarray(np.load(out / file, allow_pickle=False), np.float64)

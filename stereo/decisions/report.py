@@ -25,7 +25,6 @@ from ..report.pictures import embed_picture
 from ..report.scene_intervals import intervals, scene_means
 from ..report.table_columns import Column, format_interval, format_number
 from . import pictures
-from .arm import FAULTS
 from .rules import SHIPPED, Rules
 from .scores import ROC_AT
 from .stored_maps import TRUE_DEPTH
@@ -39,6 +38,8 @@ OPENINGS = {"decisions.jsonl": b'{"pair": ', "decisions.csv": b"pair,method,stat
 #: Most pairs whose maps the page contains.
 MOST_PAIRS = 12
 _MM = 1000.0
+#: Litres in a cubic metre.
+_LITRES = 1000.0
 #: Share of the cells that the true depth knows below which cells are too small for the images.
 _FEW_KNOWN = 0.5
 #: Share of the ground in reach that is hardly any of it: what a smaller part of it is tells little.
@@ -68,8 +69,11 @@ SCOOP_COLUMNS = (
     Column("scoop.error_mm", "Error (mm)", "", 1, "of the middle of the scoop, from its true place"),
     Column("scoop.error_deg", "Turn", "°", 2, "of the scoop from its true direction"),
     Column("scoop.known", "Known", "%", 1, "share of the scoop's pixels with a depth"),
-    *(Column(f"scoop.{name}_fault_deg", f"{name.capitalize()} fault", "°", 2, f"smallest fault of the {name} joint "
-             "that is noticed: 3.29 times the error over its lever") for name in FAULTS))
+    Column("dem.beside_rmse_m", "RMSE beside", "mm", 1, "root mean square height error that the pixels left out around "
+           "the lander would have"),
+    Column("dem.beside_bias_m", "Bias beside", "mm", 1, "their mean height error"),
+    Column("dem.beside_share", "Lost beside", "%", 1, "of the cells in reach that the left image shows, those that "
+           "only the pixels left out know"))
 COLUMNS = (*DEM, *SITES, *OTHERS, *SCOOP_COLUMNS)
 #: By what methods are compared; less is better but for those of _MORE.
 _COMPARED = ("sites.false_safe", "sites.safe_lost", "sites.average_precision", "dem.rmse_m")
@@ -86,16 +90,20 @@ def value_of(row: Mapping[str, Any], column: Column) -> float:
 
 def write_decisions(out: Path, rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]],
                     labels: Sequence[str], rules: Rules, progress: Sequence[Mapping[str, Any]],
-                    failed: Sequence[Mapping[str, Any]], provenance: Mapping[str, Any]) -> dict[str, Any]:
+                    faults: Sequence[Mapping[str, Any]], failed: Sequence[Mapping[str, Any]],
+                    provenance: Mapping[str, Any]) -> dict[str, Any]:
     """Write ``decisions.csv``, ``.json`` and ``.html``; return what is in the JSON.
 
     ``rows`` are of all pairs by all ``labels``, pair by pair. Pairs that contradict themselves count in no mean.
     """
     summary = summarise(rows, facts, labels)
     found = compare_methods(rows, facts, labels, int(provenance["seed"]))
-    report = {"format": FORMAT, "version": VERSION, "head": head_sentences(summary, facts), "summary": summary,
-              "comparisons": found, "progress": list(progress),
-              "rules": rules.to_json(), "failed": list(failed), "notes": find_notes(rows, facts),
+    head = [*head_sentences(summary, facts), *_volume_sentences(progress), *_fault_sentences(faults)]
+    notes = [*find_notes(rows, facts), *(note for entry in progress for note in entry["notes"]),
+             *dict.fromkeys(entry["note"] for entry in faults if entry["note"])]
+    report = {"format": FORMAT, "version": VERSION, "head": head, "summary": summary,
+              "comparisons": found, "progress": list(progress), "faults": list(faults),
+              "rules": rules.to_json(), "failed": list(failed), "notes": notes,
               "provenance": {**provenance, "icymoon": version(), "created": datetime.now(UTC).isoformat(" ", "seconds"),
                              "intervals": "95 %, Student's t over scenes"},
               "rows": list(rows)}
@@ -184,7 +192,7 @@ def head_sentences(summary: Sequence[Mapping[str, Any]], facts: Sequence[Mapping
 def _head(entry: Mapping[str, Any], sun: str) -> str:
     if not entry["pairs"]:
         return ""
-    name = TITLES.get(entry["method"], entry["method"])
+    name = "the true depth" if entry["method"] == TRUE_DEPTH else TITLES.get(entry["method"], entry["method"])
     scenes = f"{entry['scenes']} scene{'' if entry['scenes'] == 1 else 's'}"
     lost = entry["sites.safe_lost"]
     unsafe = entry["sites.false_safe"]
@@ -192,9 +200,40 @@ def _head(entry: Mapping[str, Any], sun: str) -> str:
         much = "no" if unsafe is None else "hardly any"
         there = "" if entry["base_rate"] is None else f", although {_of_100(entry['base_rate'])} of 100 are safe"
         return f"With {name}{sun}, {much} site looks safe{there} ({scenes})."
-    return (f"With {name}{sun}, {_of_100(unsafe)} of 100 sites that look safe are not"
-            f"{'' if lost is None else f', and {_of_100(lost)} of 100 safe ones are lost'}; the site that it would "
-            f"choose is unsafe in {entry['unsafe_chosen']} of {entry['chosen']} pairs ({scenes}).")
+    between = _between(entry, "sites.false_safe")
+    return (f"With {name}{sun}, {_of_100(unsafe)} of 100 sites that look safe are not{between}"
+            f"{'' if lost is None else f', and {_of_100(lost)} of 100 safe ones are lost'}; it would choose a site in "
+            f"{entry['chosen']} of {entry['pairs']} pairs, an unsafe one in {entry['unsafe_chosen']} ({scenes}).")
+
+
+def _between(entry: Mapping[str, Any], key: str) -> str:
+    """The interval of a share over scenes, as ' (29 to 71)'; empty where there is none, as of one scene."""
+    low, high = entry["intervals"][key]
+    if low is None or high is None:
+        return ""
+    return f" ({100 * max(low, 0.0):.0f} to {100 * min(high, 1.0):.0f})"
+
+
+def _volume_sentences(progress: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The smallest volume that each method notices, where null pairs tell it."""
+    return [f"With {TITLES.get(entry['method'], entry['method'])}, a dug volume is noticed from "
+            f"{_LITRES * entry['smallest_m3']:.2g} L on (between {_LITRES * entry['bounds_m3'][0]:.2g} and "
+            f"{_LITRES * entry['bounds_m3'][1]:.2g} L, from {entry['null_pairs']} pairs with nothing dug)."
+            for entry in progress if entry["smallest_m3"] is not None and entry["method"] != TRUE_DEPTH]
+
+
+def _fault_sentences(faults: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The fault of each joint from which on a method noticed every one, a sentence per method."""
+    found = []
+    for method in dict.fromkeys(entry["method"] for entry in faults):
+        own = [entry for entry in faults if entry["method"] == method and entry["limit_mm"] is not None]
+        if own and method != TRUE_DEPTH:
+            joints = ", ".join(f"{entry['joint']} " + (
+                f"from {entry['noticed_from_deg']:g}°" if entry["noticed_from_deg"] is not None
+                else f"not always, up to {entry['angles'][-1]['deg']:g}°") for entry in own)
+            found.append(f"With {TITLES.get(method, method)}, these faults of a joint are noticed: {joints} (limit "
+                         f"from {own[0]['sound']} pairs without a fault).")
+    return found
 
 
 def _of_100(share: float) -> str:
@@ -223,10 +262,14 @@ def find_notes(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, A
         notes.append(f"{len(suspect)} pairs contradict themselves and count in no mean: {', '.join(suspect[:5])}.")
     if not all(fact.get("arm") for fact in facts):
         notes.append("No arm is stated, so all ground is taken for ground in reach.")
+    empty = {row["pair"] for row in rows if row["numbers"] and not row["numbers"]["sites"]["cells"][0]}
+    if empty:
+        notes.append(f"In {len(empty)} of {len(facts)} pairs no cell of the workspace is in reach and known, so "
+                     "there is nothing to decide; move the workspace, the arm or the camera.")
     scenes = len({fact["scene"] for fact in facts})
     if scenes < comparisons.FEWEST_SCENES:
-        notes.append(f"With {scenes} scenes no difference between matchers can be shown; it takes "
-                     f"{comparisons.FEWEST_SCENES}.")
+        counted = "One scene tells no interval, and" if scenes == 1 else f"With {scenes} scenes"
+        notes.append(f"{counted} no difference between matchers can be shown; it takes {comparisons.FEWEST_SCENES}.")
     return notes
 
 
@@ -254,8 +297,11 @@ def _page(report: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], facts: S
     titles = {column.key: column.title for column in COLUMNS}
     return environment.get_template("decisions.html.j2").render(
         report=report, groups=(("Sites", SITES), ("Elevation model", DEM), ("Landing pads and cost", OTHERS),
-                *((("Where the scoop is", SCOOP_COLUMNS),) if _has_scoop(rows) else ())),
+                *((("The arm", SCOOP_COLUMNS),) if _has_scoop(rows) else ())),
         cell=format_cell, bounds=_bounds, titles=titles, roc=_draw_roc(report["summary"]), rules=stated,
+        changes=[{"entry": entry, "step": step, "map": embed_picture(out / step["map"], 10_000)}
+                 for entry in report["progress"] for step in entry["steps"][-1:] if step["map"]],
+        fault_angles=sorted({angle["deg"] for entry in report["faults"] for angle in entry["angles"]}),
         outcomes=pictures.OUTCOMES, codes=pictures.CODES, full_mm=pictures.FULL_M * _MM,
         name_of=lambda label: TITLES.get(label, label),
         pairs=[_pair_section(fact, rows, out) for fact in facts[:MOST_PAIRS]], more=max(0, len(facts) - MOST_PAIRS))

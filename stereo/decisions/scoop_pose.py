@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...physics.arm.kinematics import Arm, forward, pose, turn
+from ...physics.arm.kinematics import pose, turn
 
 #: Most steps, and the turn (rad) and shift (m) below which no further one is made.
 _STEPS, _STILL = 40, 1e-6
@@ -24,8 +24,6 @@ _DAMPING = 1e-3
 FEWEST_POINTS = 40
 #: Most points that are matched: more cost time and change little.
 _MOST_POINTS = 500
-#: Standard deviations of a pose beyond which a fault is noticed, at 95 % with 5 % false alarms.
-NOTICED = 3.29
 
 
 @dataclass(frozen=True)
@@ -112,20 +110,3 @@ def pose_error(found: np.ndarray, true: np.ndarray, point: np.ndarray) -> tuple[
     sine = np.linalg.norm([apart_by[2, 1] - apart_by[1, 2], apart_by[0, 2] - apart_by[2, 0],
                            apart_by[1, 0] - apart_by[0, 1]]) / 2
     return 1000 * float(np.linalg.norm(apart)), math.degrees(math.atan2(float(sine), (np.trace(apart_by) - 1) / 2))
-
-
-def levers_of(arm: Arm, joints_rad: np.ndarray, point: np.ndarray) -> dict[str, float]:
-    """Distance in metres of a ``point`` (3,) of the last link from the axis of each turning joint."""
-    poses = forward(arm, joints_rad)
-    place = poses[-1][:3, :3] @ point + poses[-1][:3, 3]
-    found = {}
-    for joint, link in zip(arm.joints, poses, strict=True):
-        if not joint.slides:
-            axis, apart = link[:3, :3] @ joint.axis, place - link[:3, 3]
-            found[joint.name] = float(np.linalg.norm(apart - (apart @ axis) * axis))
-    return found
-
-
-def smallest_fault_deg(sigma_mm: float, lever_m: float) -> float:
-    """The smallest angle of a joint that is noticed, degrees, by what it moves at the end of its lever."""
-    return math.degrees(NOTICED * sigma_mm / 1000 / lever_m) if lever_m > 0 else math.inf

@@ -141,6 +141,25 @@ def compare(workspace: Workspace, found: Maps) -> dict[str, Any]:
             "pads": _score_pads(found.pads, truth.pads, truth.dem.known & workspace.inside)}
 
 
+def compare_beside_lander(workspace: Workspace, found: Maps, depth_m: np.ndarray,
+                          pose: np.ndarray) -> dict[str, float | None]:
+    """What leaving out the pixels beside the lander does, over the seen cells in reach.
+
+    ``beside_rmse_m``: of the heights that these pixels alone give; ``beside_bias_m`` of them; ``beside_share``: the
+    share of the cells that only they know.
+    """
+    prepared = workspace.prepared
+    beside = _is_ground(prepared) & ~_is_apart_from_lander(prepared)
+    position, _ = points_of(np.where(beside, depth_m, np.nan), workspace.pair.camera.rectified, pose)
+    dem = grid_points(position, workspace.grid)
+    truth = workspace.truth.dem
+    among = workspace.reached & workspace.seen & truth.known
+    errors = height_errors(dem, truth.height_m, among)
+    only = dem.known & ~found.dem.known & among
+    return {"beside_rmse_m": errors["rmse_m"], "beside_bias_m": errors["bias_m"],
+            "beside_share": float(only.sum() / among.sum()) if among.any() else None}
+
+
 def disturb(pose: np.ndarray, error_mm: float, error_deg: float, random: np.random.Generator) -> np.ndarray:
     """The pose (4, 4) with an error: a shift and a turn about the eye, each normal in three axes, these their standard
     deviations per axis."""

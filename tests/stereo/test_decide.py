@@ -14,6 +14,7 @@ from icymoon.formats import geotiff
 from icymoon.stereo import decide as module
 from icymoon.stereo.cli import main
 from icymoon.stereo.decide import TRUE_DEPTH, PoseError, decide_pairs
+from icymoon.stereo.decisions import workspace
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.workspace import disturb
 from icymoon.stereo.matchers.methods import parse_methods
@@ -29,8 +30,9 @@ def dataset(tmp_path):
     return tmp_path / "set"
 
 
-def write_state(folder, state, lowered_m):
-    """A state of an excavation that has lowered level ground by so much, in a region of 0.64 m²."""
+def write_state(folder, state, lowered_m, seed=None):
+    """A state of an excavation that has lowered level ground by so much, in a region of 0.64 m²; rendered with this
+    seed."""
     workspaces.write(folder, pairs.Scene(distance_m=2.0 + lowered_m, slope_x=0.0, slope_y=0.0, rock=False), exact=False)
     data = json.loads((folder / "pair.json").read_text())
     heights = np.full((2, 30, 30), -lowered_m, np.float32)
@@ -40,6 +42,7 @@ def write_state(folder, state, lowered_m):
     data["excavation"] = {"state": state, "states": 3, "taken_m3": 0.9 * lowered_m,
                           "change_in_region_by_state_m3": [0.0] * state + [-0.64 * lowered_m],
                           "region_m": [-0.4, -0.4, 0.4, 0.4]}
+    data["seeds"] = {"render": state if seed is None else seed}
     (folder / "pair.json").write_text(json.dumps(data))
 
 
@@ -171,7 +174,7 @@ def test_wrong_options_are_sentences_and_write_nothing(dataset, tmp_path, capsys
     assert not (tmp_path / "out").exists()
 
 
-def test_a_series_has_its_volumes_and_the_smallest_that_is_noticed(tmp_path):
+def test_a_series_has_its_volumes_and_none_is_noticed_without_pairs_in_which_nothing_was_dug(tmp_path):
     for state, lowered_m in enumerate((0.0, 0.05, 0.1)):
         write_state(tmp_path / "set" / "pairs" / "abc"[state], state, lowered_m)
     report = run([tmp_path / "set"], tmp_path / "out")
@@ -180,12 +183,41 @@ def test_a_series_has_its_volumes_and_the_smallest_that_is_noticed(tmp_path):
     for step in true["steps"]:
         assert step["found_m3"] == pytest.approx(step["true_m3"], rel=1e-4)  # single precision of depth
         assert step["known"] == 1.0
-    assert true["smallest_m3"] is None
-    assert matcher["null_pairs"] == module.NULL_PAIRS
-    assert matcher["smallest_m3"] == pytest.approx(3.29 * matcher["sigma_m3"])
+        assert step["noticed"] == 1.0
+    assert true["smallest_m3"] is matcher["smallest_m3"] is None
+    sentence, = matcher["notes"]
+    assert "cannot be given: 1 pair of this site shows it with nothing dug" in sentence
+    assert sentence in report["notes"]
+    page = (tmp_path / "out" / "decisions.html").read_text(encoding="utf-8")
+    assert "cannot be given" in page
+    assert all((tmp_path / "out" / step["map"]).is_file() for step in matcher["steps"])
     # The disparity of StereoBM is off by a part of a sixteenth of a pixel, the same for level ground: 3 mm here.
     assert all(abs(step["error_m3"]) < 0.64 * 0.006 for step in matcher["steps"])
-    assert "Excavation" in (tmp_path / "out" / "decisions.html").read_text(encoding="utf-8")
+    assert "Excavation" in page
+
+
+def test_pairs_in_which_nothing_was_dug_tell_the_smallest_volume_if_their_noise_is_their_own(tmp_path):
+    for k in range(7):
+        write_state(tmp_path / "set" / "pairs" / f"null{k}", k, 0.0, seed=k)
+    write_state(tmp_path / "set" / "pairs" / "same", 9, 0.0, seed=0)  # the noise of another pair: no further one
+    write_state(tmp_path / "set" / "pairs" / "dug", 8, 0.1, seed=8)
+    _, matcher = run([tmp_path / "set"], tmp_path / "out")["progress"]
+    assert matcher["null_pairs"] == 6
+    assert matcher["smallest_m3"] == pytest.approx(3.29 * matcher["sigma_m3"])
+    assert matcher["bounds_m3"][0] < matcher["smallest_m3"] < matcher["bounds_m3"][1]
+    assert not matcher["notes"]
+
+
+def test_a_volume_that_is_missing_has_a_sentence(tmp_path):
+    for state, lowered_m in enumerate((0.0, 0.1)):
+        write_state(tmp_path / "set" / "pairs" / "ab"[state], state, lowered_m)
+    path = tmp_path / "set" / "pairs" / "b" / "pair.json"
+    data = json.loads(path.read_text())
+    data["excavation"]["region_m"] = [5.0, 5.0, 6.0, 6.0]  # outside the map
+    path.write_text(json.dumps(data))
+    true, _ = run([tmp_path / "set"], tmp_path / "out")["progress"]
+    assert true["steps"][0]["found_m3"] is None
+    assert "no volume of state 1: only 0 %" in true["notes"][0]
 
 
 def test_states_without_true_heights_have_the_same_cells_although_the_camera_moves(tmp_path):
@@ -207,3 +239,37 @@ def test_too_small_cells_are_noted(tmp_path):
     notes = run([tmp_path / "pair"], tmp_path / "out", cell_m=0.005)["notes"]
     assert any("too few pixels" in note for note in notes)
     assert not any("too few pixels" in note for note in run([tmp_path / "pair"], tmp_path / "b", cell_m=0.05)["notes"])
+
+
+def test_a_depth_of_nothing_takes_no_site_and_is_told_in_words(dataset, tmp_path, monkeypatch):
+    real = module.match
+    monkeypatch.setattr(module, "match", lambda *given: (np.full_like(real(*given)[0], np.nan), *real(*given)[1:]))
+    report = run([dataset], tmp_path / "out")
+    assert not report["failed"]
+    entry = report["summary"][1]
+    assert entry["sites.taken"] == entry["dem.completeness"] == 0.0
+    assert entry["dem.rmse_m"] is entry["sites.false_safe"] is None
+    assert "no site looks safe" in report["head"][1]
+
+
+def test_ground_that_the_arm_does_not_reach_counts_nowhere(dataset, tmp_path, monkeypatch):
+    monkeypatch.setattr(workspace, "find_margins", lambda *given: np.full(given[-1].shape, np.nan))
+    report = run([dataset], tmp_path / "out")
+    assert not report["failed"]
+    assert report["summary"][1]["base_rate"] is None
+    assert any("no cell of the workspace is in reach" in note for note in report["notes"])
+
+
+def test_one_scene_tells_no_interval_and_that_is_told(tmp_path):
+    workspaces.write(tmp_path / "pair")
+    report = run([tmp_path / "pair"], tmp_path / "out")
+    assert report["summary"][1]["intervals"]["sites.taken"] == [None, None]
+    assert any(note.startswith("One scene tells no interval") for note in report["notes"])
+
+
+def test_pairs_without_their_true_heights_fail_in_a_sentence_and_stop_no_other(dataset, tmp_path):
+    (dataset / "pairs" / "a" / "workspace.npy").unlink()
+    report = run([dataset], tmp_path / "out")
+    assert {entry["pair"] for entry in report["failed"]} == {"a"}
+    assert "render the pair again" in report["failed"][0]["message"]
+    assert report["summary"][1]["pairs"] == 1

@@ -6,7 +6,16 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.stereo.decisions.change import find_level, find_noise, measure_change, region_cells, volume_sigma
+from icymoon.stereo.decisions.change import (
+    FEWEST_NULLS,
+    detect,
+    find_level,
+    find_noise,
+    local_sigma,
+    measure_change,
+    region_cells,
+    volume_sigma,
+)
 from icymoon.stereo.decisions.dem import Grid
 
 GRID = Grid(0.01, 100, 120, -0.6, 0.5)
@@ -67,8 +76,42 @@ def test_the_smallest_volume_is_noticed_in_95_of_100():
     trials = random.normal(noise.smallest_m3, noise.sigma_m3, 20000)
     assert (trials > noise.smallest_m3 / 2).mean() == pytest.approx(0.95, abs=0.005)
     assert (random.normal(0.0, noise.sigma_m3, 20000) > noise.smallest_m3 / 2).mean() == pytest.approx(0.05, abs=0.005)
-    assert find_noise([1.0]) is None
+    assert find_noise([1.0] * (FEWEST_NULLS - 1)) is None
+
+
+@pytest.mark.parametrize("pairs", [5, 8])
+def test_the_bounds_of_the_smallest_volume_hold_the_true_one_in_95_of_100(pairs):
+    random = np.random.default_rng(pairs)
+    held = 0
+    for _ in range(2000):
+        low, high = find_noise(random.normal(0, 1e-4, pairs).tolist()).bounds_m3
+        held += low < 3.29 * math.sqrt(2) * 1e-4 < high
+    # Three standard errors of a share of 95 % of 2000 are 1.5 %.
+    assert held / 2000 == pytest.approx(0.95, abs=0.015)
 
 
 def test_the_level_of_detection_is_lanes():
-    assert find_level(0.003, 0.004) == pytest.approx(1.96 * 0.005)
+    np.testing.assert_allclose(find_level(np.array([0.003]), np.array([0.004])), 1.96 * 0.005)
+
+
+def test_the_error_around_a_cell_is_that_of_the_known_ones():
+    error = np.full((40, 50), 0.004)
+    error[:, 25:] = np.nan
+    found = local_sigma(error, 0.01, 0.1)
+    np.testing.assert_allclose(found[:, :29], 0.004, rtol=1e-6)  # a disc of 10 cm reaches 5 cells
+    assert np.isnan(found[:, 31:]).all()
+
+
+def test_five_of_a_hundred_cells_that_stay_are_beyond_their_level_and_a_deep_cut_is_found():
+    random = np.random.default_rng(4)
+    noise = [random.normal(0, sigma, FLAT.shape) for sigma in (0.003, 0.004)]
+    after = FLAT - 0.05 * ((np.abs(EAST) < 0.1) & (np.abs(NORTH) < 0.1))
+    found = detect(FLAT + noise[0], after + noise[1], FLAT, after, 0.01, 0.3)
+    scores = found.score(FLAT - after)
+    assert scores["level_m"] == pytest.approx(1.96 * 0.005, rel=0.02)
+    # 11600 cells: three standard errors of 5 % are 0.6 %; the level is within 3 %, which is as much again.
+    assert scores["false_alarm"] == pytest.approx(0.05, abs=0.012)
+    assert scores["noticed"] == 1.0
+    unknown = detect(np.full(FLAT.shape, np.nan), after, FLAT, after, 0.01, 0.3)
+    assert unknown.score(FLAT - after) == {"level_m": None, "noticed": None, "false_alarm": None}
+    assert not unknown.significant.any()

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.stereo.decisions.scoop_pose import find_pose, pose_error, sample_surface, smallest_fault_deg
+from icymoon.stereo.decisions.scoop_pose import find_pose, pose_error, sample_surface
 
 #: Corners of the box, and its bottom and four sides as pairs of triangles with normals outward.
 CORNERS = np.array([[x, y, z] for x in (0.0, 0.12) for y in (-0.04, 0.04) for z in (0.0, 0.06)])
@@ -77,8 +77,3 @@ def test_errors_of_poses_are_what_was_put_in():
     assert mm == pytest.approx(5.0, rel=1e-9)
     assert degrees == pytest.approx(0.01, rel=1e-6)
     assert pose_error(true @ turned((0, 1, 0), 180.0, (0, 0, 0)), true, np.zeros(3))[1] == pytest.approx(180.0)
-
-
-def test_a_fault_shows_by_what_it_moves():
-    assert smallest_fault_deg(1.0, 2.0) == pytest.approx(0.094, abs=0.001)
-    assert smallest_fault_deg(1.0, 0.25) == pytest.approx(0.754, abs=0.001)

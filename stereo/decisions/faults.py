@@ -1,0 +1,112 @@
+"""Which fault of a joint a matcher's pose of the scoop shows: measured on pairs with a joint off by a known angle.
+
+The score of a pair is how far the scoop is found from where it is found without a fault, on the average of the pairs
+with the same commanded angles. That average takes away what a matcher is always off by. The limit beyond which a score
+is a fault is what pairs without one exceed in 5 of 100: their scores are those against the average of the others.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+#: Fewest pairs without a fault of which a limit is stated.
+FEWEST_SOUND = 6
+#: The 95 % quantile of Student's t by its degrees of freedom; between two the lower number, which is the safer one.
+_T95 = {5: 2.015, 6: 1.943, 7: 1.895, 8: 1.860, 9: 1.833, 10: 1.812, 15: 1.753, 20: 1.725, 30: 1.697}
+#: Angles this near are the same, degrees.
+_SAME_DEG = 1e-4
+_Entry = Mapping[str, Any]
+
+
+def find_faults(rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequence[str]) -> list[dict[str, Any]]:
+    """For each method and each joint that is off in some pair: by ``angles`` (degrees, either way), how many ``pairs``,
+    the share ``noticed`` and the ``roc_area`` against the pairs without a fault; ``noticed_from_deg``, the smallest of
+    these angles from which on every pair is noticed, or None; ``limit_mm``, ``sound`` pairs and the share of
+    ``false_alarms`` among them. ``note`` is why there is no such number, or empty.
+
+    Empty if no pair has a fault of exactly one joint. A pair in which no pose is found is not noticed.
+    """
+    joints: dict[str, dict[str, Any]] = {fact["pair"]: fact["joints"] for fact in facts if fact.get("joints")}
+    off = {pair: _faults_of(stated) for pair, stated in joints.items()}
+    names = list(dict.fromkeys(joint for faults in off.values() if len(faults) == 1 for joint in faults))
+    found = []
+    for label in labels if names else ():
+        own = {row["pair"]: row["numbers"].get("scoop", {}).get("found_mm") for row in rows
+               if row["method"] == label and row["status"] == "ok" and row["pair"] in joints}
+        found += _find_by_method(label, names, own, joints, off)
+    return found
+
+
+def _find_by_method(label: str, names: Sequence[str], own: Mapping[str, Any], joints: Mapping[str, Any],
+                    off: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any]]:
+    sound: dict[str, list[np.ndarray]] = {}
+    for pair, place in own.items():
+        if not off[pair] and place is not None:
+            sound.setdefault(_told(joints[pair]), []).append(np.array(place))
+    scores = np.array([score for places in sound.values() for score in _scores_without(places)])
+    limit = _limit(scores)
+    found = []
+    for joint in names:
+        angles: dict[float, list[float]] = {}
+        for pair, place in own.items():
+            if list(off[pair]) == [joint] and _told(joints[pair]) in sound:
+                middle = np.mean(sound[_told(joints[pair])], axis=0)
+                score = -math.inf if place is None else float(np.linalg.norm(np.array(place) - middle))
+                angles.setdefault(abs(off[pair][joint]), []).append(score)
+        found.append({"method": label, "joint": joint, **_rates(angles, scores, limit), "limit_mm": limit,
+                      "sound": len(scores),
+                      "false_alarms": float((scores > limit).mean()) if limit is not None else None,
+                      "note": "" if limit is not None else
+                      f"By {label} it cannot be given which fault is noticed: {len(scores)} pairs without a fault, at "
+                      f"the commanded angles of those with one, show the scoop, and it takes {FEWEST_SOUND}; add some "
+                      "with other noise, as datasets/arm_faults has."})
+    return found
+
+
+def _rates(angles: Mapping[float, Sequence[float]], sound: np.ndarray, limit: float | None) -> dict[str, Any]:
+    rates = [{"deg": angle, "pairs": len(scores), "roc_area": roc_area(np.array(scores), sound),
+              "noticed": None if limit is None else float((np.array(scores) > limit).mean())}
+             for angle, scores in sorted(angles.items())]
+    surely: float | None = None
+    for rate in reversed(rates):
+        if rate["noticed"] != 1.0:
+            break
+        surely = rate["deg"]
+    every = np.array([score for scores in angles.values() for score in scores])
+    return {"angles": rates, "noticed_from_deg": surely, "roc_area": roc_area(every, sound)}
+
+
+def roc_area(scores: np.ndarray, sound: np.ndarray) -> float | None:
+    """The area under the ROC curve: the chance that a pair with a fault (n,) scores more than one without (m,); equal
+    scores count half (Mann and Whitney). None without either."""
+    if not (len(scores) and len(sound)):
+        return None
+    above = scores[:, None] > sound
+    return float(above.mean() + (scores[:, None] == sound).mean() / 2)
+
+
+def _scores_without(places: Sequence[np.ndarray]) -> list[float]:
+    """How far each place (3,) is from the mean of the others."""
+    total, count = np.sum(places, axis=0), len(places)
+    return [float(np.linalg.norm(place - (total - place) / (count - 1))) for place in places] if count > 1 else []
+
+
+def _limit(scores: np.ndarray) -> float | None:
+    """What one more score exceeds in 5 of 100, as far as so few tell: Student's t of their mean and deviation."""
+    if len(scores) < FEWEST_SOUND:
+        return None
+    free = len(scores) - 1
+    factor = _T95[max(key for key in _T95 if key <= free)]
+    return float(scores.mean() + factor * scores.std(ddof=1) * math.sqrt(1 + 1 / len(scores)))
+
+
+def _faults_of(stated: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
+    return {joint: angle for joint, angle in stated["fault"].items() if abs(angle) > _SAME_DEG}
+
+
+def _told(stated: Mapping[str, Mapping[str, float]]) -> str:
+    return repr(sorted(stated["commanded"].items()))
