@@ -15,6 +15,7 @@ import os
 import tempfile
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import OpenEXR
@@ -78,7 +79,7 @@ def disparity_errors(folder: Path, methods: Any) -> dict[str, tuple[float, float
 
 def print_errors(folders: list[Path], methods: Any) -> None:
     """Print what rounding changes, pair by pair, and the means with their standard errors."""
-    whole: Any = exr._read_whole
+    whole = exr._read_whole
     changes: dict[str, list[tuple[float, float]]] = {}
 
     def rounded(*arguments: Any) -> Any:
@@ -87,9 +88,8 @@ def print_errors(folders: list[Path], methods: Any) -> None:
 
     for folder in folders:
         full = disparity_errors(folder, methods)
-        setattr(exr, "_read_whole", rounded)
-        less = disparity_errors(folder, methods)
-        setattr(exr, "_read_whole", whole)
+        with patch.object(exr, "_read_whole", rounded):
+            less = disparity_errors(folder, methods)
         for label, (error, wrong) in full.items():
             other, missing = less[label]
             changes.setdefault(label, []).append((other - error, missing - wrong))
