@@ -6,7 +6,6 @@ collection that is not rendered, which ``painted_errors.clear`` removes.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import bpy
@@ -31,6 +30,8 @@ _ICONS = {"safe": "COLORSET_03_VEC", "unsafe": "COLORSET_02_VEC", "gentle": "COL
           "low": "COLORSET_04_VEC", "right": "BLANK1", "unknown": "COLORSET_13_VEC"}
 #: How far marks lie above the ground, metres.
 _ABOVE_M = 0.01
+#: Half the thickness of the lines of marks, metres, and points of a ring.
+_RADIUS_M, _RING_POINTS = 0.006, 48
 
 
 def paint(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -> bpy.types.Collection:
@@ -68,7 +69,7 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     counts = {key: stored[key] for key in KINDS[kind] if isinstance(stored.get(key), int)}
     return (*shares(f"{TITLES[kind]} by {stored.get('title')}", counts,
                     {key: (text, _ICONS[key]) for key, text in KINDS[kind].items()}, max(1, sum(counts.values()))),
-            ("Rocks, and beyond the workspace, dark", "BLANK1"))
+            ("Rocks, and beyond the workspace, dark; a lander, white", "BLANK1"))
 
 
 def _rock_meshes(built: Built) -> set[bpy.types.Mesh]:
@@ -84,23 +85,26 @@ def _link(collection: bpy.types.Collection, item: bpy.types.Object) -> None:
 
 def _site(stored: StoredMap, row: int, column: int) -> bpy.types.Object:
     """A ring as large as the footprint of the site."""
-    item = bpy.data.objects.new(SITE, None)
-    item.empty_display_type, item.empty_display_size = "CIRCLE", stored.disc_m / 2
-    item.rotation_euler.x = math.pi / 2  # the ring of an empty stands upright
-    item.location = _on_ground(stored, np.array([[row + 0.5, column + 0.5]]))[0]
-    return item
+    angle = np.linspace(0.0, 2 * np.pi, _RING_POINTS, endpoint=False)
+    ring = stored.disc_m / 2 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    return _draw_lines(SITE, [_on_ground(stored, np.array([[row + 0.5, column + 0.5]])) + ring])
 
 
 def _reach(stored: StoredMap, reach: np.ndarray) -> bpy.types.Object:
-    curve = bpy.data.curves.new(REACH, "CURVE")
-    curve.dimensions = "3D"
-    for way in outlines(reach):
+    return _draw_lines(REACH, [_on_ground(stored, way) for way in outlines(reach)])
+
+
+def _draw_lines(name: str, ways: list[np.ndarray]) -> bpy.types.Object:
+    """Closed lines through positions (n, 3) with a thickness: in a camera view, bare lines and empties are hidden with
+    the overlays."""
+    curve = bpy.data.curves.new(name, "CURVE")
+    curve.dimensions, curve.bevel_depth, curve.bevel_resolution = "3D", _RADIUS_M, 1
+    for way in ways:
         spline = curve.splines.new("POLY")
         spline.points.add(len(way) - 1)
-        spline.points.foreach_set("co", np.pad(_on_ground(stored, way), ((0, 0), (0, 1)),
-                                               constant_values=1.0).astype(np.float32).ravel())
+        spline.points.foreach_set("co", np.pad(way, ((0, 0), (0, 1)), constant_values=1.0).astype(np.float32).ravel())
         spline.use_cyclic_u = True
-    return bpy.data.objects.new(REACH, curve)
+    return bpy.data.objects.new(name, curve)
 
 
 def _on_ground(stored: StoredMap, place: np.ndarray) -> np.ndarray:

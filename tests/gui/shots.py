@@ -150,7 +150,8 @@ def otherwise() -> None:
             ("rocks", "law", "POWER"), ("sensor", "colour", "BAYER"),
             ("rocks", "clustering", 0.5), ("light", "directions_from", "KERNELS"), ("light", "planet", True),
             ("light", "stars", True), ("sensor", "auto_exposure", False), ("sensor", "brackets", 3),
-            ("sensor", "radiation_flux_cm2_s", 1.0e4), ("rig", "motion_exposure_s", 0.01)):
+            ("sensor", "radiation_flux_cm2_s", 1.0e4), ("rig", "motion_exposure_s", 0.01),
+            ("lander", "kind", "PARAMETRIC"), ("excavation", "path", "ARC")):
         setattr(getattr(group, topic), key, value)
 
 
