@@ -57,7 +57,7 @@ def test_depths_count_from_the_arms_level_and_not_from_the_plane_of_the_ground(t
     write_lines(file, settings, [(1, 0.125, y, -0.05) for y in np.linspace(1.8, 1.5, 31)])
     site = sites.make_site(settings)
     shape = (site.grid.rows, site.grid.columns)
-    taken = [Series(site, settings.excavation, 1, np.full(shape, rise), 0.0).facts(1)["taken_m3"]
+    taken = [Series(site, settings.excavation, 1, np.full(shape, rise), 0.0).at(1).taken_m3
              for rise in (0.0, 0.02, -0.05)]
     assert taken[1] / taken[0] == pytest.approx(0.07 / 0.05, rel=0.01)
     assert taken[2] == pytest.approx(0.0, abs=1e-5)
