@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 from ...labels import FACE_ATTRIBUTE
-from ...physics.mesh.fine_relief import CARRIED, OCTAVES, wavelengths_m
+from ...physics.mesh.fine_relief import CARRIED, OCTAVES
 from ...typed_settings import SurfaceSettings
 from ..ground.terrain_mesh import SPACING
 from ..tree.builder import Tree, output
@@ -95,26 +95,41 @@ def _add_grain_place(tree: Tree, where: Any, wavelength_m: float, place: Sequenc
 def add_grain_by_fineness(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float]) -> tuple[Any, Any]:
     """Output sockets of the heights in metres of the grain that the vertices carry, and of the finer rest.
 
-    Their sum is ``add_grain`` times the amplitude, octave by octave. The mesh has the attribute ``SPACING``.
+    Their sum is ``add_grain`` times the amplitude, octave by octave. The mesh has the attribute ``SPACING``. Only one
+    octave can be carried in part: longer ones are carried whole, shorter ones not at all, and either are one fractal.
+    So each hit looks up the octaves that are bump there, and no others.
     """
     askew = _add_grain_place(tree, where, surface.grain_size_m, place)
-    spacing = output(tree.node("ShaderNodeAttribute", "Vertex Spacing", attribute_type="GEOMETRY",
-                               attribute_name=SPACING), "Fac")
-    carried: Any = None
-    rest: Any = None
-    spans = _GRAIN_SPAN * surface.grain_amplitude_m * 0.5 ** np.arange(OCTAVES) / (2.0 - 0.5 ** (OCTAVES - 1))
-    for k, (wave_m, span_m) in enumerate(zip(wavelengths_m(surface), spans, strict=True)):
-        field = tree.node("ShaderNodeTexNoise", f"Octave {k + 1}", {
-            "Vector": askew, "Scale": 2.0**k, "Detail": 0.0, "Roughness": 0.5, "Lacunarity": 2.0, "Distortion": 0.0},
-            noise_dimensions="3D", noise_type="FBM", normalize=True).outputs[0]
-        about_0 = tree.math("SUBTRACT", f"About 0, {k + 1}", field, NOISE_MEAN)
-        height = tree.math("MULTIPLY", f"Height {k + 1}", about_0, float(span_m))
-        share = add_share(tree, f"Carried {k + 1}", spacing, float(wave_m), float(wave_m) * CARRIED)
-        moved = tree.math("MULTIPLY", f"Moved {k + 1}", height, share)
-        painted = tree.math("SUBTRACT", f"Painted {k + 1}", height, moved)
-        carried = moved if carried is None else tree.math("ADD", f"Moved to {k + 1}", carried, moved)
-        rest = painted if rest is None else tree.math("ADD", f"Painted to {k + 1}", rest, painted)
-    return add_patchy(tree, surface, where, place, carried), add_patchy(tree, surface, where, place, rest)
+    spacing = Number(tree, output(tree.node("ShaderNodeAttribute", "Vertex Spacing", attribute_type="GEOMETRY",
+                                            attribute_name=SPACING), "Fac"))
+    first = _partly_carried(surface, spacing)
+    part_scale = Number(tree, 2.0).power(first).named("Scale of the Octave in Part")
+    waves = spacing * part_scale * (1.0 / surface.grain_size_m)
+    share = Number(tree, add_share(tree, "Carried of It", waves.value, 1.0, CARRIED))
+    partly = _add_octaves(tree, "Octave in Part", askew, part_scale, 0.0)
+    shorter = _add_octaves(tree, "Shorter Octaves", askew, part_scale * 2.0, OCTAVES - 2.0 - first)
+    longer = _add_octaves(tree, "Longer Octaves", askew, 1.0, first - 1.0)
+    # The factor of an octave without normalization is half of that with it.
+    span = 0.5 * _GRAIN_SPAN * surface.grain_amplitude_m / (2.0 - 0.5 ** (OCTAVES - 1))
+    some_shorter, some_longer = (OCTAVES - 1.0 - first).at_most(1.0), first.at_most(1.0)
+    rest = ((1.0 - share) * partly + 0.5 * some_shorter * shorter) / part_scale * span
+    carried = (share * partly / part_scale + some_longer * longer) * span
+    return add_patchy(tree, surface, where, place, carried.value), add_patchy(tree, surface, where, place, rest.value)
+
+
+def _partly_carried(surface: SurfaceSettings, spacing: Number) -> Number:
+    """The longest octave, from 0, that vertices do not carry whole; the last one if they carry all."""
+    whole = 1.0 - (spacing.at_least(1e-9) / (CARRIED * surface.grain_size_m)).log() * (1.0 / math.log(2.0))
+    return Number(spacing.tree, spacing.tree.math("FLOOR", "Octaves Carried", whole.value)).at_least(0.0).at_most(
+        OCTAVES - 1.0)
+
+
+def _add_octaves(tree: Tree, label: str, where: Any, scale: Number | float, detail: Number | float) -> Number:
+    """The sum of ``detail`` + 1 octaves of noise, the first with a span of about 2 and each other with half of that."""
+    scale, detail = (each.value if isinstance(each, Number) else each for each in (scale, detail))
+    return Number(tree, tree.node("ShaderNodeTexNoise", label, {
+        "Vector": where, "Scale": scale, "Detail": detail, "Roughness": 0.5, "Lacunarity": 2.0, "Distortion": 0.0},
+        noise_dimensions="3D", noise_type="FBM", normalize=False).outputs[0])
 
 
 def mark_elevation(mesh: bpy.types.Mesh, surface: SurfaceSettings,

@@ -113,7 +113,7 @@ class Number:
         over = y.times_plus(y.times_plus(21.0, -1260.0), 10395.0) * self
         return over / y.times_plus(y.times_plus(210.0 - y, -4725.0), 10395.0)
 
-    def power(self, exponent: float) -> Number:
+    def power(self, exponent: Number | float) -> Number:
         """A power of the number, which must not be negative."""
         return self._node("POWER", exponent, known=math.pow)
 
