@@ -126,9 +126,10 @@ def _partly_carried(surface: SurfaceSettings, spacing: Number) -> Number:
 
 def _add_octaves(tree: Tree, label: str, where: Any, scale: Number | float, detail: Number | float) -> Number:
     """The sum of ``detail`` + 1 octaves of noise, the first with a span of about 2 and each other with half of that."""
-    scale, detail = (each.value if isinstance(each, Number) else each for each in (scale, detail))
+    given: dict[str, Any] = {key: each.value if isinstance(each, Number) else each
+                             for key, each in (("Scale", scale), ("Detail", detail))}
     return Number(tree, tree.node("ShaderNodeTexNoise", label, {
-        "Vector": where, "Scale": scale, "Detail": detail, "Roughness": 0.5, "Lacunarity": 2.0, "Distortion": 0.0},
+        "Vector": where, **given, "Roughness": 0.5, "Lacunarity": 2.0, "Distortion": 0.0},
         noise_dimensions="3D", noise_type="FBM", normalize=False).outputs[0])
 
 
