@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -120,14 +121,19 @@ def _of_masks(terrain: Terrain, masks: dict[tuple[View, int], Masks], hand: Hand
     for position in terrain.positions:
         rows += _overlap_rows("rocks", position, masks, lambda each: overlap(each.our_rock, each.rock), _ROCKS, (
             "Likely causes: scans that stand a few millimetres off, sand that is no plane at a rock, and outlines by "
-            "hand, of too few rocks; those under one lamp agree with those under another to "
-            f"{hand.rocks[position]:.2f}"))
+            f"hand; {_of_hand(hand.rocks[position])}"))
     for position in terrain.positions:
         rows += _overlap_rows("shadows", position, masks, lambda each: overlap(each.our_shadow, each.shadow), _SHADOWS,
                               ("Likely causes: the scan of the sand is not public, and outlines by hand; those of the "
                                "left eye, seen with the right one by way of the fitted sand, agree with those of the "
                                f"right one to {hand.shadows[position]:.2f}"))
     return rows
+
+
+def _of_hand(agreement: float) -> str:
+    if np.isnan(agreement):
+        return "no two lamps have outlines of their own, so how well those agree is not known"
+    return f"those under one lamp agree with those that were drawn anew under another to {agreement:.2f}"
 
 
 def _overlap_rows(name: str, position: str, masks: dict[tuple[View, int], Masks], agreement: Callable[[Masks], float],
@@ -139,10 +145,27 @@ def _overlap_rows(name: str, position: str, masks: dict[tuple[View, int], Masks]
 
 def _of_tips(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, np.ndarray]) -> list[Row]:
     """Lengths of shadows along the light, in the photographs of the right eyes."""
-    table, errors = HeightTable(sand), []
-    for (view, azimuth), _ in terrain.photographs.items():
-        if view.eye != "R":
-            continue
+    reaches = _measure_reaches(terrain, camera, sand, lamps)
+    errors = [1.0 / reach - 1.0 for (view, _, _), reach in reaches.items() if view.eye == "R"]
+    if not errors:
+        return []
+    again = [f"by more than {apart:.1%} between {what}" for apart, what in zip(
+        _tips_again(reaches), ("the eyes of a position", "positions, by way of the fitted sand"), strict=True)
+        if np.isfinite(apart)]
+    quantity = f"tips of {len(errors)} shadows, right eyes: median"
+    why = ("Likely cause: the height of the sand at the tips is not measured, and a centimetre of it moves a tip by "
+           "about five" + (f". Half of the outlined tips differ {', and '.join(again)}" if again else ""))
+    return [Row(f"{quantity} error of the length", float(np.median(errors)), 0.0, _TIP, _SOURCE, why=why),
+            Row(f"{quantity} size of the error", float(np.median(np.abs(errors))), 0.0, _TIP, _SOURCE, why=why)]
+
+
+_Reaches = dict[tuple[View, int, int], float]
+
+
+def _measure_reaches(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int, np.ndarray]) -> _Reaches:
+    """How far labelled shadows reach, as shares of the lengths of ours, by view, azimuth and index of the rock."""
+    table, found = HeightTable(sand), {}
+    for view, azimuth in terrain.photographs:
         eye, lamp = camera.eyes[view], lamps[azimuth]
         outlines = terrain.polygons(view, azimuth, SHADOW)
         for k, rock in enumerate(terrain.rocks):
@@ -153,21 +176,28 @@ def _of_tips(terrain: Terrain, camera: Calibration, sand: Sand, lamps: dict[int,
             cast = shadow_of(top, lamp, table)
             away = sand.middles[k] - lamp[:2]
             along = (cast[:, :2] - sand.middles[k]) @ away / np.linalg.norm(away)
-            tip, length = cast[along.argmax()], float(along.max())
-            if length < _LEAST_SHADOW_M:
+            if along.max() < _LEAST_SHADOW_M:
                 continue
             foot = np.array([*sand.middles[k], float(table(sand.middles[k][None])[0])])
-            ends = eye.project(np.stack([foot, tip]))
-            reach = _labelled_reach(ends, outlines)
+            reach = _labelled_reach(eye.project(np.stack([foot, cast[along.argmax()]])), outlines)
             if reach is not None:
-                errors.append(1.0 / reach - 1.0)
-    if not errors:
-        return []
-    quantity = f"tips of {len(errors)} shadows, right eyes: median"
-    why = ("Likely cause: the height of the sand at the tips is not measured, and a centimetre of it moves a tip by "
-           "about five")
-    return [Row(f"{quantity} error of the length", float(np.median(errors)), 0.0, _TIP, _SOURCE, why=why),
-            Row(f"{quantity} size of the error", float(np.median(np.abs(errors))), 0.0, _TIP, _SOURCE, why=why)]
+                found[view, azimuth, k] = reach
+    return found
+
+
+def _tips_again(reaches: _Reaches) -> tuple[float, float]:
+    """Medians of how far labelled tips differ, as shares of lengths: between eyes, between positions; NaN if none."""
+    shadows: dict[tuple[int, int], dict[str, list[float]]] = {}
+    for (view, azimuth, k), reach in reaches.items():
+        shadows.setdefault((azimuth, k), {}).setdefault(view.position, []).append(reach)
+    eyes = [abs(both[0] / both[1] - 1) for seen in shadows.values() for both in seen.values() if len(both) == len(EYES)]
+    positions = [abs(float(np.mean(one) / np.mean(other)) - 1) for seen in shadows.values()
+                 for one, other in combinations(seen.values(), 2)]
+    return _median(eyes), _median(positions)
+
+
+def _median(values: list[float]) -> float:
+    return float(np.median(values)) if values else float("nan")
 
 
 def _labelled_reach(ends: np.ndarray, outlines: list[np.ndarray]) -> float | None:

@@ -1,13 +1,15 @@
 """How well the labels agree with themselves, which bounds how well anything else can agree with them.
 
-Rocks do not move between the lamps, so outlines of one view are compared with each other. The shadows of a lamp were
-outlined in both eyes, so those of the left one are laid on the fitted sand and seen with the right one.
+Rocks do not move between the lamps, so outlines of one view are compared with each other; not those of photographs that
+have an outline in common, since it was copied. The shadows of a lamp were outlined in both eyes, so those of the left
+one are laid on the fitted sand and seen with the right one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -36,7 +38,7 @@ class Hand:
 def measure_hand(terrain: Terrain, camera: Calibration, sand: Sand) -> Hand:
     """How the labels of each position agree with themselves."""
     table = HeightTable(sand)
-    return Hand({position: _mean(_rocks_again(terrain, position)) for position in terrain.positions},
+    return Hand({position: _mean(measure_rocks_again(terrain, position)) for position in terrain.positions},
                 {position: _mean([_shadow_again(terrain, camera, table, position, azimuth)
                                   for azimuth in terrain.azimuths]) for position in terrain.positions})
 
@@ -50,12 +52,18 @@ def _fill(outlines: list[np.ndarray]) -> np.ndarray:
     return fill_polygons(_SHAPE, [each * _SCALE for each in outlines], finer=3)
 
 
-def _rocks_again(terrain: Terrain, position: str) -> list[float]:
+def measure_rocks_again(terrain: Terrain, position: str) -> list[float]:
+    """Intersections over union of the rocks under one lamp with those under another, drawn anew in both photographs."""
     found = []
     for view in (view for view in terrain.views if view.position == position):
-        masks = [_fill(terrain.polygons(view, azimuth, ROCK)) for azimuth in terrain.azimuths]
-        found += [overlap(one, other) for k, one in enumerate(masks) for other in masks[k + 1:]]
+        drawn = [terrain.polygons(view, azimuth, ROCK) for azimuth in terrain.azimuths]
+        found += [overlap(_fill(one), _fill(other)) for one, other in combinations(drawn, 2) if not _copied(one, other)]
     return found
+
+
+def _copied(one: list[np.ndarray], other: list[np.ndarray]) -> bool:
+    """Whether two photographs have an outline in common, to the last digit."""
+    return not {each.tobytes() for each in one}.isdisjoint(each.tobytes() for each in other)
 
 
 def _shadow_again(terrain: Terrain, camera: Calibration, table: HeightTable, position: str, azimuth: int) -> float:
