@@ -897,6 +897,10 @@ def decide_by_mouse() -> Waiting:
     check(painted.REACH in there, f"what is shown is {there}")
     yield from key("ctrl+z")
     yield from until(lambda: legend().startswith("Slope"), "Bringing the slope back by undo")
+    yield from to(*middle("UI"))
+    yield from scroll(400)  # to the legend
+    yield from away()
+    yield from screenshot("decisions_legend")
     yield from press("icymoon.hide_decisions")
     yield from until(lambda: not legend(), "Removing the decisions")
     check((shading.type, shading.color_type) == before, f"the view shows {shading.type}, and before {before}")

@@ -165,7 +165,8 @@ def _look(recognised: Callable[[], bool], columns: tuple[float, ...],
           start: float = 0.0) -> Generator[float, None, Place | None]:
     """Look all over the sidebar, rows nearest to ``start`` (down from its top) first."""
     sidebar = region("UI")
-    for down in sorted(range(20, sidebar.height, 9), key=lambda down: abs(down - start)):
+    # At the very edge a click would drag the edge.
+    for down in sorted(range(20, sidebar.height - 12, 9), key=lambda down: abs(down - start)):
         for across in columns:
             place = sidebar.x + across * sidebar.width, sidebar.y + sidebar.height - down
             yield from to(*place)
