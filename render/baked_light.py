@@ -1,8 +1,9 @@
 """Indirect light baked to the vertices of the ground, once for all images of a ground under one Sun.
 
-Light that Lambert ground gets from other ground does not depend on where it is seen from. Cycles bakes it to the
-vertices, and images then take direct light only: fewer samples, and no denoiser. While it bakes, ground is smooth
-between its vertices, since a vertex would meet one point of the relief.
+Light that Lambert ground gets from other ground does not depend on where it is seen from. Cycles bakes it to texels
+within the facets, from which the vertices get theirs (``baked_texels``), and images then take direct light only: fewer
+samples, and no denoiser. While it bakes, ground is smooth between its vertices, since a sample would meet one point of
+the relief.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from ..files import sha256
 from ..labels import BAKED_ATTRIBUTE
 from ..nodes.datablocks.fingerprint import added_objects
 from ..nodes.scene import Built
-from ..physics.light.baked_noise import noise_of, noise_seen, samples_needed
+from ..physics.light import baked_texels
+from ..physics.light.baked_noise import noise_of, samples_needed
 from ..physics.random_numbers.seeds import stream
 from ..physics.scene_requirements import why_not_baked
 from ..settings import changes
@@ -36,7 +38,7 @@ from .pairs.baked_file import BakedLight
 from .workers.claims import Claims
 
 #: Raise this number when the same settings are baked in another way.
-_SCHEME = 1
+_SCHEME = 2
 #: Samples of each half of the first two bakes, whose difference shows how many it takes.
 _FIRST = 8
 #: Samples of the direct light, of which only the mean over the ground is needed.
@@ -60,7 +62,7 @@ class Indirect:
         if self.light is None:
             return {"method": "TRACED", "why": self.why_traced} if self.why_traced else None
         share = sum(shares.values()) / max(len(shares), 1)
-        noise = noise_seen(self.light.noise)
+        noise = self.light.noise
         return {"method": "BAKED", "file": self.file, "sha256": self.sha256, "samples": self.light.samples,
                 "share": round(share, 5), "noise_of_baked": round(noise, 5), "noise": round(noise * share, 5),
                 "cpu_seconds_of_bake": round(self.light.cpu_seconds, 3)}
@@ -86,7 +88,7 @@ def provide(built: Built, scene: bpy.types.Scene, settings: Settings, dataset: P
     """
     if settings.quality.indirect != "BAKED":
         return Indirect()
-    if why := why_not_baked(settings) or _why_edited(built):
+    if why := why_not_baked(settings) or _why_unsuitable(built):
         return Indirect(why_traced=why)
     mesh = built.terrain.data
     key = key_of(built, settings)
@@ -107,11 +109,17 @@ def provide(built: Built, scene: bpy.types.Scene, settings: Settings, dataset: P
     return Indirect(found, path.relative_to(dataset).as_posix(), sha256(path), spent_s=spent)
 
 
-def _why_edited(built: Built) -> str:
-    """Why edits by hand rule out baked light, as a clause; empty if they do not."""
+def _why_unsuitable(built: Built) -> str:
+    """Why what is built rules out baked light, as a clause; empty if it does not."""
     if added_objects(built.collection):
         return "objects were added to the scene, which have no baked light of their own"
-    return "the ground was edited by hand" if built.edited_parts("terrain object", "terrain materials") else ""
+    if built.edited_parts("terrain object", "terrain materials"):
+        return "the ground was edited by hand"
+    polygons = built.terrain.data.polygons
+    totals = np.empty(len(polygons), np.int32)
+    polygons.foreach_get("loop_total", totals)
+    most = baked_texels.MOST_CORNERS
+    return f"facets of the ground have more than {most} corners" if totals.max(initial=0) > most else ""
 
 
 def key_of(built: Built, settings: Settings) -> str:
@@ -135,11 +143,13 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings) 
     quality = settings.quality
     kept = scene.render.use_persistent_data, scene.render.use_multiview
     seeds = stream(int(settings.dataset.seed), "bake").generate_state(5) >> 1
+    triangles = _triangles(terrain.data)
     with _open_bake(terrain, scene, settings) as run:
         direct = run("DIRECT", _DIRECT, int(seeds[4])).mean(dtype=np.float64)
         count = min(_FIRST, quality.bake_samples // 2)
         halves = [run("INDIRECT", count, int(seed)) for seed in seeds[:2]]
-        more = samples_needed(halves, float(direct), count, quality.bake_noise, quality.bake_samples // 2) - count
+        more = samples_needed(halves, triangles, float(direct), count, quality.bake_noise,
+                              quality.bake_samples // 2) - count
         if more > 0:
             halves = [(count * half + more * run("INDIRECT", more, int(seed))) / (count + more)
                       for half, seed in zip(halves, seeds[2:4], strict=True)]
@@ -148,7 +158,7 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings) 
     values = np.maximum((halves[0] + halves[1]) / 2, 0.0).astype(np.float32)
     mean = float(values.mean(dtype=np.float64))
     total = mean + float(direct)
-    return BakedLight(values, noise_of(halves), mean / total if total > 0 else 0.0, 2 * count,
+    return BakedLight(values, noise_of(halves, triangles), mean / total if total > 0 else 0.0, 2 * count,
                       time.process_time() - start)
 
 
@@ -156,13 +166,12 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings) 
 def _open_bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings) -> Iterator[Any]:
     """A function ``run(kind, samples, seed)`` that bakes light over pi (n, 3) while the ground has no fine relief."""
     mesh, layer = terrain.data, scene.view_layers[0]
+    found = _lay_out(mesh)
     with ExitStack() as undo:
+        image = _add_target(mesh, found, undo)
         for material in mesh.materials:
             _smooth(material.node_tree, undo)
-        name = f"{BAKED_ATTRIBUTE}_target"
-        target = mesh.color_attributes.new(name, "FLOAT_COLOR", "POINT")
-        undo.callback(lambda: mesh.color_attributes.remove(mesh.color_attributes[name]))
-        mesh.color_attributes.active_color = target
+            _aim(material.node_tree, image, undo)
         layer.objects.active = terrain
         terrain.select_set(True, view_layer=layer)
 
@@ -171,11 +180,55 @@ def _open_bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Sett
             cycles_settings.apply(scene, quality, seed)
             scene.render.use_persistent_data = scene.render.use_multiview = False
             _run_bake(scene, layer, terrain, kind)
-            found = np.empty(4 * len(mesh.vertices), np.float32)
-            mesh.color_attributes[name].data.foreach_get("color", found)
-            return found.reshape(-1, 4)[:, :3].astype(np.float64)
+            texels = np.empty(4 * found.side ** 2, np.float32)
+            image.pixels.foreach_get(texels)
+            return baked_texels.gather(found, texels.reshape(-1, 4), len(mesh.vertices))
 
         yield run
+
+
+def _lay_out(mesh: bpy.types.Mesh) -> baked_texels.Texels:
+    """The texels of a mesh."""
+    count = len(mesh.polygons)
+    starts, corners, areas = np.empty(count, np.int32), np.empty(len(mesh.loops), np.int32), np.empty(count, np.float32)
+    mesh.polygons.foreach_get("loop_start", starts)
+    mesh.polygons.foreach_get("area", areas)
+    mesh.loops.foreach_get("vertex_index", corners)
+    return baked_texels.lay_out(starts, np.diff(starts, append=len(corners)), corners, areas)
+
+
+def _triangles(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Vertices of the triangles that a mesh is rendered as, (n, 3)."""
+    mesh.calc_loop_triangles()
+    found = np.empty(3 * len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get("vertices", found)
+    return found.reshape(-1, 3)
+
+
+def _add_target(mesh: bpy.types.Mesh, found: baked_texels.Texels, undo: ExitStack) -> bpy.types.Image:
+    """An image with the texels of a mesh, whose places are its active texture coordinates until ``undo``."""
+    name, before = f"{BAKED_ATTRIBUTE}_target", mesh.uv_layers.active_index
+    undo.callback(setattr, mesh.uv_layers, "active_index", before)
+    mesh.uv_layers.new(name=name, do_init=False)
+    undo.callback(lambda: mesh.uv_layers.remove(mesh.uv_layers[name]))
+    mesh.uv_layers[name].uv.foreach_set("vector", found.places.reshape(-1))
+    mesh.uv_layers.active = mesh.uv_layers[name]
+    image = bpy.data.images.new(name, found.side, found.side, alpha=True, float_buffer=True, is_data=True)
+    undo.callback(bpy.data.images.remove, image)
+    return image
+
+
+def _aim(tree: bpy.types.NodeTree, image: bpy.types.Image, undo: ExitStack) -> None:
+    """Let a bake of a surface go to an image."""
+    before, node = tree.nodes.active, tree.nodes.new("ShaderNodeTexImage")
+    node.image = image
+
+    def remove() -> None:
+        tree.nodes.remove(node)
+        tree.nodes.active = before
+
+    undo.callback(remove)
+    tree.nodes.active = node
 
 
 def _smooth(tree: bpy.types.NodeTree, undo: ExitStack) -> None:
@@ -190,8 +243,8 @@ def _run_bake(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, terrain: bpy.t
     with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=terrain, object=terrain,
                                    selected_objects=[terrain], selected_editable_objects=[terrain]):
         try:
-            done = bpy.ops.object.bake(type="DIFFUSE", pass_filter={kind}, target="VERTEX_COLORS", use_clear=True,
-                                       use_selected_to_active=False)
+            done = bpy.ops.object.bake(type="DIFFUSE", pass_filter={kind}, target="IMAGE_TEXTURES",
+                                       save_mode="INTERNAL", use_clear=True, margin=0, use_selected_to_active=False)
         except RuntimeError as error:
             why = str(error).removeprefix("Error: ").strip().splitlines()[0]
             raise IcyMoonError(f"Cycles could not bake the light of the ground ({why}); set quality.indirect to "

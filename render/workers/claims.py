@@ -21,6 +21,7 @@ from typing import Any
 from ... import system
 from ...files import PART, explain_disk_errors, find_leftover_parts, part_of, read_text
 from ...records import PROCESS, TEXT, Maybe, find_fault, parse_json
+from ..pairs.baked_file import LIGHT
 from ..pairs.our_files import is_claim, remove_ours
 from ..pairs.publish import resolve_leftover
 
@@ -134,8 +135,10 @@ class Claims:
         for part in parts:
             if part.name.split(".")[0] not in claimed:
                 self._settle(part)
-        # Such as the manifest's, the clock's and that of a pair.json that was to state other settings.
-        for where, pattern in ((self._dataset, "*"), (self._pairs, ".clock"), (self._pairs, "*/*")):
+        # Such as the manifest's, that of baked light, the clock's and that of a pair.json that was to state other
+        # settings.
+        for where, pattern in ((self._dataset, "*"), (self._dataset / LIGHT, "*"), (self._pairs, ".clock"),
+                               (self._pairs, "*/*")):
             for file in find_leftover_parts(where, pattern):
                 self._remove(file)
         for path in self._list_claims():

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+
 import numpy as np
 import pytest
+from icymoon.errors import IcyMoonError
 from icymoon.render.pairs import baked_file
 from icymoon.render.pairs.baked_file import BakedLight
 
@@ -74,3 +77,27 @@ def test_a_damaged_file_counts_as_absent(tmp_path, data):
     path.write_bytes(flipped)
     assert baked_file.read(path, KEY, VERTICES) is None
     assert baked_file.read(tmp_path / "none.npz", KEY, VERTICES) is None
+
+
+def test_a_disk_that_refuses_is_reported_and_leaves_nothing_half_written(tmp_path, monkeypatch):
+    def fill(stream, **members) -> None:
+        stream.write(b"half")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(np, "savez_compressed", fill)
+    path = baked_file.path_of(tmp_path, KEY)
+    with pytest.raises(IcyMoonError, match="free some space"):
+        baked_file.write(path, KEY, light())
+    assert not list(path.parent.iterdir())
+
+
+def test_what_is_in_the_way_of_the_file_is_reported(tmp_path):
+    path = baked_file.path_of(tmp_path, KEY)
+    path.mkdir(parents=True)
+    assert baked_file.read(path, KEY, VERTICES) is None
+    with pytest.raises(IcyMoonError, match=KEY):
+        baked_file.write(path, KEY, light())
+    (tmp_path / "data").write_bytes(b"")
+    with pytest.raises(IcyMoonError, match="data"):
+        baked_file.write(baked_file.path_of(tmp_path / "data", KEY), KEY, light())
+    assert [each.name for each in path.parent.iterdir()] == [path.name]

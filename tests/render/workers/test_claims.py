@@ -259,8 +259,8 @@ def test_sweeping_removes_what_a_killed_process_left_of_the_manifest_and_nothing
     kept = [tmp_path / name for name in (f"manifest.json.{host}-{os.getpid()}-1.part", "manifest.json",
                                          f"manifest.json.elsewhere-{dead}-1.part", f"mine.{host}-a-b.part",
                                          f"pairs/.clock.{host}-{os.getpid()}-1.part")]
-    also = [tmp_path / "pairs" / name for name in (f".clock.{host}-{dead}-1.part",
-                                                   f"{PAIR}/pair.json.{host}-{dead}-1.part")]
+    also = [tmp_path / name for name in (f"pairs/.clock.{host}-{dead}-1.part", f"light/{PAIR}.npz.{host}-{dead}-1.part",
+                                         f"pairs/{PAIR}/pair.json.{host}-{dead}-1.part")]
     for file in (left, *kept, *also):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_text("{}")
