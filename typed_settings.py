@@ -268,6 +268,7 @@ class ExcavationSettings(Table):
     heaped_share: float
     heap_side: Literal["LEFT", "RIGHT"]
     heap_gap_m: float  # m
+    clods_m: float  # m
     cell_m: float  # m
     fresh_albedo: float
     layer_thickness_m: float  # m

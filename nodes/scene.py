@@ -20,7 +20,7 @@ from ..physics import refused_scenes
 from ..physics.camera import blur
 from ..physics.camera.stereo_geometry import rounding_advice
 from ..physics.excavation.jitter import jittered_rig
-from ..physics.excavation.supports import keep_supported
+from ..physics.excavation.supports import settle_rocks
 from ..physics.mesh.fine_relief import displacement_advice, nearest_m
 from ..physics.mesh.graded_ground import Graded
 from ..physics.mesh.height_surface import Surface
@@ -154,17 +154,17 @@ def _site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[
 
 
 def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float,
-                 dug: DugGround | None) -> tuple[bpy.types.Object, list[str]]:
-    """The object whose points are the rocks on the ground, ``dug`` or not, and warnings."""
+                 dug: DugGround | None) -> tuple[bpy.types.Object, list[str], int]:
+    """The object whose points are the rocks on the ground, ``dug`` or not, warnings, and how many lost support."""
     seed, wanted, rig = int(settings.dataset.seed), with_absolute_files(settings).rocks, settings.rig
     shapes = make_rock_shapes(wanted.family, wanted.angularity, seed)
     with probe_heights(terrain) as height_at:
         view = view_beyond(settings)
         clear = rig.x_m, rig.y_m, wanted.clear_radius_m
-        rocks = scatter(wanted, size_m, seed, height_at, shapes, clear, view)
+        before, moved = height_at if dug is None else dug.before(height_at), 0
+        rocks = scatter(wanted, size_m, seed, before, shapes, clear, view)
         if dug is not None:
-            before = scatter(wanted, size_m, seed, dug.before(height_at), shapes, clear, view)
-            rocks = keep_supported(before, rocks, dug.change_m)
+            rocks, moved = settle_rocks(rocks, dug.change_m, height_at, shapes)
     ice = build_rock_material(settings, terrain.data)
     item = _tag(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # it has no users if there are no rocks
@@ -179,7 +179,7 @@ def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float,
         width_px = rocks.beyond_rad * focal_px(rig)
         warnings.append(f"Beyond the patch rocks under {width_px:.2g} px are left out to keep to {wanted.most} rocks; "
                         "raise rocks.most, rocks.beyond_px or rocks.smallest_m.")
-    return item, warnings
+    return item, warnings, moved
 
 
 def _nearest_spacing_m(settings: Settings, ground: Surface, mesh: bpy.types.Mesh) -> float:
@@ -234,14 +234,16 @@ def _build_objects(settings: Settings, meshed: MeshedGround | None) -> tuple[
     warnings += light_advice(sky, settings)
     warnings += blur.blur_advice(settings)
     objects = [terrain, lights[0], camera, *lights[1:]]
+    facts = dug.series.facts(dug.state) if dug is not None and dug.series is not None else {}
+    warnings += facts.get("advice", [])
     if settings.rocks.coverage > 0:
-        rocks, rock_warnings = _build_rocks(settings, terrain, ground.size_m, dug)
+        rocks, rock_warnings, moved = _build_rocks(settings, terrain, ground.size_m, dug)
         objects.append(rocks)
         warnings += rock_warnings
+        facts |= {"rocks_moved": moved} if dug is not None else {}
     if settings.lander.kind != "NONE":
         objects += build_lander(settings, site_m, terrain)
         warnings += find_contact(settings, site_m, terrain).advice()
-    facts = dug.series.facts(dug.state) if dug is not None and dug.series is not None else {}
     return objects, _tag(build_sky(f"{NAME} Sky"), "sky"), warnings, own, site_m, facts
 
 

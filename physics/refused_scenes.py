@@ -21,6 +21,7 @@ from .arm.kinematics import Joint, beyond_limits
 from .arm.lander_arm import arm_of, is_own, joint_values
 from .arm.parametric import JOINTS
 from .camera.stereo_geometry import coarse_advice, ground_row
+from .excavation import reach
 from .excavation import site as excavation
 from .light.directions import camera_axes
 from .light.sky import check_body, sky
@@ -90,7 +91,8 @@ def scene_advice(settings: Settings) -> list[str]:
                     f"rig.pitch_deg ({rig.pitch_deg:g}°).")
     if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRID":
         said += coarse_advice(rig, patch.size_m / (patch.resolution - 1))
-    return said + excavation.advice(settings)
+    dug = excavation.advice(settings)
+    return said + dug + (reach.advice(settings) if not excavation.find_reasons(settings) else [])
 
 
 def returned_share(parameters: HapkeParameters) -> tuple[float, float]:

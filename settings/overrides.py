@@ -205,6 +205,7 @@ class ExcavationOverrides(TypedDict, total=False):
     heaped_share: float
     heap_side: Literal["LEFT", "RIGHT"]
     heap_gap_m: float  # m
+    clods_m: float  # m
     cell_m: float  # m
     fresh_albedo: float
     layer_thickness_m: float  # m

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import DiskError, IcyMoonError, describe_error
 from ..files import write_json
+from ..physics.arm import trench_reach
 from ..physics.random_numbers.seeds import generator
 from ..records import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ..version import version
@@ -177,10 +178,11 @@ def _failed(pair: str, label: str, key: str, message: str) -> Row:
 
 
 def _excavation(workspace: Workspace) -> dict[str, Any] | None:
-    """What ``pair.json`` contains of an excavation, as far as progress needs it; None if there is none."""
+    """What ``pair.json`` contains of an excavation, as far as progress needs it, and advice; None if there is none."""
     stated = workspace.pair.data.get("excavation")
     wanted = ("state", "states", "change_in_region_by_state_m3", "region_m")
-    return {key: stated[key] for key in wanted} if stated else None
+    return {**{key: stated[key] for key in wanted}, "advice": [
+        *trench_reach.advice(workspace.pair.settings), *stated.get("advice", [])]} if stated else None
 
 
 def _decide(workspace: Workspace, method: Method | None, pose: np.ndarray, out: Path, scoop: Scoop | None,

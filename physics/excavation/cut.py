@@ -25,7 +25,7 @@ class Pull:
     """A straight pull of a blade ``width_m`` wide from (``x_m``, ``y_m``) along a heading, clockwise from north.
 
     ``along_m`` (n,), rising, are distances from there, and ``depth_m`` (n,) the depths of the edge below the plane
-    of the untouched ground there.
+    of the untouched ground there. With ``from_deg`` the blade turns about its middle from that heading before.
     """
 
     x_m: float
@@ -34,6 +34,7 @@ class Pull:
     width_m: float
     along_m: np.ndarray
     depth_m: np.ndarray
+    from_deg: float | None = None
 
     def place(self, x_m: Any, y_m: Any) -> tuple[Any, Any]:
         """Distances along the pull and to its right, in metres."""
@@ -51,6 +52,8 @@ class Pull:
         half = self.width_m / 2 + margin_m
         corners = [self.point(along, right) for along in (self.along_m[0] - margin_m, self.along_m[-1] + margin_m)
                    for right in (-half, half)]
+        if self.from_deg is not None:
+            corners += [(self.x_m - half, self.y_m - half), (self.x_m + half, self.y_m + half)]
         x, y = zip(*corners, strict=True)
         return min(x), min(y), max(x), max(y)
 
@@ -58,6 +61,10 @@ class Pull:
         """Depth of the blade's edge at points that it passes over, in metres; -inf at others."""
         along, right = self.place(x_m, y_m)
         over = (np.abs(right) <= self.width_m / 2) & (along >= self.along_m[0]) & (along <= self.along_m[-1])
+        if self.from_deg is not None:  # the sector outside a bend, which two pulls leave out
+            before = math.radians(self.from_deg)
+            past = (np.asarray(x_m) - self.x_m) * math.sin(before) + (np.asarray(y_m) - self.y_m) * math.cos(before)
+            over |= (along <= 0.0) & (past >= 0.0) & (np.hypot(along, right) <= self.width_m / 2)
         return np.where(over, np.interp(along, self.along_m, self.depth_m), -np.inf)
 
     def beside(self, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -80,8 +87,10 @@ def fit_plane(grid: Grid, heights: np.ndarray, pulls: Sequence[Pull]) -> np.ndar
 
     It is level where that is less than three cells wide.
     """
-    x, y = grid.east_m[None, :], grid.north_m[:, None]
-    over = np.any([np.isfinite(pull.depth_at(x, y)) for pull in pulls], axis=0)
+    over = np.zeros(heights.shape, bool)
+    for pull in pulls:
+        window = grid.window(*pull.bounds_m())
+        over[window] |= np.isfinite(pull.depth_at(*grid.points(window)))
     rows, columns = np.nonzero(over)
     if len(rows) == 0:
         at = pulls[0].point(float(np.mean(pulls[0].along_m)), 0.0)
@@ -103,15 +112,19 @@ def cut_heights(grid: Grid, top_m: np.ndarray, plane: np.ndarray, pulls: Sequenc
     """
     taken = np.zeros_like(top_m)
     window = grid.window(*bounds_of(pulls))
-    x, y = grid.east_m[None, window[1]], grid.north_m[window[0], None]
+    windows = [grid.window(*pull.bounds_m()) for pull in pulls]
+    x, y = grid.points(window)
+    # Against the ground's own plane there, so that a slope does not bias a cell that is half cut.
+    level = plane[0] + plane[1] * x + plane[2] * y
+    depth = np.empty(taken.shape)
     steps = ((np.arange(SUBSAMPLES) + 0.5) / SUBSAMPLES - 0.5) * grid.cell_m
     for north in steps:
         for east in steps:
-            depth = np.full(taken[window].shape, -np.inf)
-            for pull in pulls:
-                depth = np.maximum(depth, pull.depth_at(x + east, y + north))
-            # Against the ground's own plane there, so that a slope does not bias a cell that is half cut.
-            over = np.isfinite(depth)
-            floor = plane[0] + plane[1] * x + plane[2] * y - np.where(over, depth, 0.0)
+            depth[window] = -np.inf
+            for pull, part in zip(pulls, windows, strict=True):
+                at_x, at_y = grid.points(part)
+                depth[part] = np.maximum(depth[part], pull.depth_at(at_x + east, at_y + north))
+            over = np.isfinite(depth[window])
+            floor = level - np.where(over, depth[window], 0.0)
             taken[window] += np.where(over, np.maximum(top_m[window] - floor, 0.0), 0.0)
     return taken / SUBSAMPLES**2

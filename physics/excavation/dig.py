@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,12 @@ from .cut import Pull, cut_heights, fit_plane
 from .relax import Layers, relax
 from .site import Site
 
+#: Wavelengths of clods in their heights, and the shares of their noise in the height.
+_CLODS = ((9.0, 1.6), (3.5, 1.4), (1.6, 0.7))
+#: Wavelength and height of what makes a heap of clods uneven, in their heights.
+_LUMP_WAVES, _LUMP_SIZE = 14.0, 5.0
+#: Change of height at the rim of the patch that counts as spoil there.
+_MOVED_M = 1.0e-4
 #: Wavelength of chips along a rim, in depths of the largest chip, and their slope.
 _CHIP_WAVES, _CHIP_SLOPE = 5.0, 1.5
 
@@ -23,7 +30,7 @@ class State:
     """The ground after a step, and what the step did: volumes in m³ as they lay in the ground, masses in kg.
 
     ``chipped_m3`` fell off standing rims, ``slid_m3`` of ground slid as its walls did not stand. ``kept_kg`` is what
-    was not heaped. ``stood`` is whether walls stood.
+    was not heaped. ``stood`` is whether walls stood, ``rests`` whether all that was loose came to rest.
     """
 
     layers: Layers
@@ -33,7 +40,7 @@ class State:
     slid_m3: float
     kept_kg: float
     stood: bool
-    sweeps: int = 0
+    rests: bool = True
 
 
 @dataclass
@@ -41,6 +48,7 @@ class Series:
     """The states of an excavation that have been dug so far; the first is the untouched ground.
 
     ``level_m`` is the height that depths count from where the path is that of the arm's joints.
+    ``bare`` are the layers of each state without clods, from which the next one is dug.
     """
 
     site: Site
@@ -49,10 +57,12 @@ class Series:
     before_m: np.ndarray
     level_m: float | None = None
     states: list[State] = field(default_factory=list)
+    bare: list[Layers] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         spoil = np.zeros_like(self.before_m)
-        self.states.append(State(Layers(self.before_m, spoil), 0.0, 0.0, 0.0, 0.0, 0.0, True))
+        self.bare.append(Layers(self.before_m, spoil))
+        self.states.append(State(self.bare[0], 0.0, 0.0, 0.0, 0.0, 0.0, True))
 
     @property
     def spoil_kg_m3(self) -> float:
@@ -67,20 +77,46 @@ class Series:
 
     def _dig(self, number: int) -> State:
         pulls, cell = self.site.pulls[number - 1], self.site.grid.cell_m
-        layers = self.states[-1].layers.copy()
+        layers = self.bare[-1].copy()
+        self.bare.append(layers)
         if not pulls:
-            return State(layers, 0.0, 0.0, 0.0, 0.0, 0.0, self.states[-1].stood)
+            return State(self.states[-1].layers, 0.0, 0.0, 0.0, 0.0, 0.0, self.states[-1].stood)
         volume, mass = self._take(layers, self._cut(layers, number))
         lowest = float((self.before_m - layers.ground).max())
         stood = self.states[-1].stood and lowest <= self.site.stands_m
-        chipped, chips_kg = self._take(layers, self._chips(layers, pulls)) if stood else (0.0, 0.0)
+        chipped, chips_kg = self._take(layers, self._chips(layers, pulls)) if stood and volume > 0.0 else (0.0, 0.0)
         heaped_kg = self.excavation.heaped_share * mass + chips_kg
         self._heap(layers, number, heaped_kg)
         solid = layers.ground.copy()
-        sweeps = relax(layers, cell, self.excavation.friction_deg, self.excavation.bulking,
-                       *(() if stood else (self.before_m, self._slides(number, lowest))))
+        _, rests = relax(layers, cell, self.excavation.friction_deg, self.excavation.bulking,
+                         *(() if stood else (self.before_m, self._slides(number, lowest))))
         slid = float(np.maximum(solid - layers.ground, 0.0).sum()) * cell**2
-        return State(layers, volume, mass, chipped, slid, mass + chips_kg - heaped_kg, stood, sweeps)
+        return State(self._with_clods(layers), volume, mass, chipped, slid, mass + chips_kg - heaped_kg, stood, rests)
+
+    def _lumps_m(self) -> np.ndarray:
+        """How uneven (rows, columns) the heap is, see ``Heap.thickness``: by a few clods, over many."""
+        size, key = float(self.excavation.clods_m), int(generator(self.seed, "terrain", 8).integers(0, 2**32))
+        if size == 0.0:
+            return np.zeros(self.before_m.shape)
+        wave = _LUMP_WAVES * size
+        east, north = np.broadcast_arrays(self.site.grid.east_m[None, :] / wave, self.site.grid.north_m[:, None] / wave)
+        return _LUMP_SIZE * size * np.asarray(gradient_noise(east, north, key))
+
+    def _with_clods(self, layers: Layers) -> Layers:
+        """The layers with clods on their spoil, which keeps its mass. Where it is thin, they are as low as it is."""
+        size, total = float(self.excavation.clods_m), float(layers.spoil.sum())
+        if size == 0.0 or total == 0.0:
+            return layers
+        grid, key = self.site.grid, int(generator(self.seed, "terrain", 7).integers(0, 2**32))
+        clods = np.zeros(layers.spoil.shape)
+        for octave, (waves, share) in enumerate(_CLODS):
+            wave = waves * size
+            east, north = np.broadcast_arrays(grid.east_m[None, :] / wave, grid.north_m[:, None] / wave)
+            # Creases where the noise is 0, and round tops between.
+            clods += share * np.abs(gradient_noise(east, north, key + octave))
+        spoil = layers.spoil + size * (clods - float(clods.mean())) * np.minimum(layers.spoil / size, 1.0)
+        spoil = np.maximum(spoil, 0.0)
+        return Layers(layers.ground, spoil * (total / float(spoil.sum())))
 
     def _slides(self, number: int, lowest_m: float) -> np.ndarray:
         """Where ground may slide: as far from the blade as a slope rises from the lowest floor on level ground.
@@ -88,8 +124,11 @@ class Series:
         On a slope near the angle of friction a slide would climb without end, over ground that stood before.
         """
         reach = lowest_m / math.tan(math.radians(self.excavation.friction_deg))
-        x, y = self.site.grid.east_m[None, :], self.site.grid.north_m[:, None]
-        return np.any([pull.beside(x, y)[0] <= reach for each in self.site.pulls[:number] for pull in each], axis=0)
+        near = np.zeros(self.before_m.shape, bool)
+        for pull in (pull for each in self.site.pulls[:number] for pull in each):
+            window = self.site.grid.window(*pull.bounds_m(reach))
+            near[window] |= pull.beside(*self.site.grid.points(window))[0] <= reach
+        return near
 
     @property
     def plane(self) -> np.ndarray:
@@ -128,16 +167,16 @@ class Series:
         if most <= 0:
             return chipped
         grid = self.site.grid
-        x, y = grid.east_m[None, :], grid.north_m[:, None]
         key = int(generator(self.seed, "terrain", 6).integers(0, 2**32))
         wave = _CHIP_WAVES * most
-        east, north = np.broadcast_arrays(x / wave, y / wave)
+        east, north = np.broadcast_arrays(grid.east_m[None, :] / wave, grid.north_m[:, None] / wave)
         noise = gradient_noise(east, north, key) + 0.5 * gradient_noise(2.7 * east, 2.7 * north, key + 1)
         size = most * np.clip(0.35 + 1.3 * noise, 0.0, 1.0)
         for pull in pulls:
-            out, depth = pull.beside(x, y)
-            chip = np.minimum(_CHIP_SLOPE * np.maximum(size - out, 0.0), 0.5 * np.maximum(depth, 0.0))
-            chipped = np.maximum(chipped, np.where(out > 0, chip, 0.0))
+            window = grid.window(*pull.bounds_m(most))
+            out, depth = pull.beside(*grid.points(window))
+            chip = np.minimum(_CHIP_SLOPE * np.maximum(size[window] - out, 0.0), 0.5 * np.maximum(depth, 0.0))
+            chipped[window] = np.maximum(chipped[window], np.where(out > 0, chip, 0.0))
         return np.maximum(layers.ground - (self.before_m - chipped), 0.0)
 
     def _heap(self, layers: Layers, number: int, mass_kg: float) -> None:
@@ -146,8 +185,9 @@ class Series:
         if volume <= 0:
             return
         grid, area = self.site.grid, self.site.grid.cell_m**2
-        before = self.heaped_m3(number - 1)
-        more = np.maximum(self.site.heap.thickness(grid, before + volume) - self.site.heap.thickness(grid, before), 0.0)
+        before, lumps = self.heaped_m3(number - 1), self._lumps_m()
+        less, more = (self.site.heap.thickness(grid, each, lumps) for each in (before, before + volume))
+        more = np.maximum(more - less, 0.0)
         layers.spoil += more * (volume / (float(more.sum()) * area))
 
     def heaped_m3(self, state: int) -> float:
@@ -165,7 +205,7 @@ class Series:
         dug = sum(each.taken_kg for each in states)
         return abs(lost - found) / dug if dug > 0 else abs(lost - found)
 
-    def facts(self, state: int) -> dict[str, object]:
+    def facts(self, state: int) -> dict[str, Any]:
         """What ``pair.json`` has of an excavation in a state: metres, cubic metres and kilograms."""
         at, site = self.at(state), self.site
         done, area = self.states[1:state + 1], self.site.grid.cell_m**2
@@ -187,4 +227,22 @@ class Series:
                 "change_in_region_by_state_m3": [float(each[rows, columns].sum()) * area for each in change],
                 "patch_m": list(site.grid.bounds_m),
                 "change_in_patch_by_state_m3": [float(each.sum()) * area for each in change],
-                "deepest_m": float(max(-change[-1].min(), 0.0)), "cell_m": site.grid.cell_m}
+                "deepest_m": float(max(-change[-1].min(), 0.0)), "cell_m": site.grid.cell_m,
+                "advice": self.advice(state)}
+
+    def advice(self, state: int) -> list[str]:
+        """Sentences about a state that shows only once it is dug: no cut, spoil at the rim, what does not rest."""
+        at, said = self.at(state), []
+        wanted = [float(pull.depth_m.max()) for each in self.site.pulls[:state] for pull in each]
+        if max(wanted, default=0.0) > 0.0 and not any(each.taken_m3 > 0.0 for each in self.states[:state + 1]):
+            said.append(f"Nothing was dug up to state {state}, because the blade passes over less than a quarter of a "
+                        "cell of ground, or above it; lower excavation.cell_m, or dig deeper.")
+        change = np.abs(at.layers.top - self.before_m)
+        if max(side.max() for side in (change[0], change[-1], change[:, 0], change[:, -1])) > _MOVED_M:
+            said.append("Spoil slid as far as the rim of the patch of fine ground, where it is held as by a wall: the "
+                        "ground is too steep for a heap; change excavation.heap_side, or move the trench to gentler "
+                        "ground.")
+        if not all(each.rests for each in self.states[:state + 1]):
+            said.append("Loose ground still slid when its sweeps ended, so that some slopes are too steep; raise "
+                        "excavation.cell_m, or move the trench to smoother ground.")
+        return said

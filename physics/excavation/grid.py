@@ -43,6 +43,10 @@ class Grid:
                                                          (south, north, self.y_m, self.rows)))
         return rows, columns
 
+    def points(self, window: tuple[slice, slice]) -> tuple[np.ndarray, np.ndarray]:
+        """East (1, columns) and north (rows, 1) coordinates of the vertices in a window."""
+        return self.east_m[None, window[1]], self.north_m[window[0], None]
+
     def interpolate(self, values: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, outside: np.ndarray) -> np.ndarray:
         """Bilinear values at points, of ``values`` (rows, columns); those of ``outside`` beyond the grid."""
         u, v = (np.asarray(x_m) - self.x_m) / self.cell_m, (np.asarray(y_m) - self.y_m) / self.cell_m

@@ -44,16 +44,20 @@ class Heap:
         """Length of the line."""
         return math.dist(self.start_m, self.end_m)
 
-    def thickness(self, grid: Grid, volume_m3: float) -> np.ndarray:
-        """Thickness (rows, columns) in metres of spoil of this volume on level ground; its sum is exact."""
+    def thickness(self, grid: Grid, volume_m3: float, lumps_m: np.ndarray | float = 0.0) -> np.ndarray:
+        """Thickness (rows, columns) in metres of spoil of this volume on level ground; its sum is exact.
+
+        ``lumps_m`` is how much farther from the line each place is taken to be, which makes the heap uneven.
+        """
         if volume_m3 <= 0.0:
             return np.zeros((grid.rows, grid.columns))
         height = ridge_height_m(volume_m3, self.length_m, self.repose_deg)
-        shape = np.maximum(height - math.tan(math.radians(self.repose_deg)) * self._distance(grid), 0.0)
+        distance = self._distance(grid) + lumps_m
+        shape = np.maximum(height - math.tan(math.radians(self.repose_deg)) * distance, 0.0)
         total = float(shape.sum()) * grid.cell_m**2
         if total <= 0.0:  # less than a cell holds
             shape = np.zeros_like(shape)
-            shape.flat[int(np.argmin(self._distance(grid)))] = 1.0
+            shape.flat[int(np.argmin(distance))] = 1.0
             total = grid.cell_m**2
         return shape * (volume_m3 / total)
 

@@ -21,7 +21,7 @@ from ..arm.lander_arm import arm_of, is_own
 from ..arm.own_arm import OwnArm, own_arm
 from ..terrain.sites import make_rocky_ground
 from .cut import Pull
-from .paths import between
+from .paths import pulls_through
 
 #: Between two recorded lines the joints turn evenly, in steps of at most this many degrees (or centimetres).
 _STEP_DEG = 1.0
@@ -46,7 +46,7 @@ def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
     made: list[list[Pull]] = []
     for state in range(1, states):
         places = _places(arm, own, table[table[:, 0] == state, 1:])
-        made.append([pull for a, b in itertools.pairwise(places) if (pull := between(a, b, width)) is not None])
+        made.append(pulls_through(places, width))
     if not any(made):
         raise IcyMoonError(f"{path}: has no state from 1 in which the scoop's tip moves; give the joints of its path.")
     return keep_near_ground(settings, made)

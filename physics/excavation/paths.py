@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,8 @@ from .cut import Pull
 NONE, LINE, ARC, RECORDED, JOINTS = "NONE", "LINE", "ARC", "RECORDED", "JOINTS"
 #: Columns that a recorded path must have.
 COLUMNS = ("state", "x_m", "y_m", "depth_m")
+#: Places of a recorded path at most, and how far they may be from the origin, and deep, in metres.
+MOST_PLACES, _FARTHEST_M, _DEEPEST_M = 20_000, 1.0e4, 100.0
 #: Points of an arc: straight between them, it is within 1e-5 of its radius.
 _ARC_POINTS = 181
 
@@ -57,8 +61,7 @@ def _recorded(excavation: ExcavationSettings) -> list[list[Pull]]:
     made: list[list[Pull]] = []
     for state in range(1, states):
         points = table[table[:, 0] == state, 1:]
-        made.append([pull for a, b in itertools.pairwise(points)
-                     if (pull := between(a, b, float(excavation.width_m))) is not None])
+        made.append(pulls_through(points, float(excavation.width_m)))
     if not any(made):
         raise IcyMoonError(f"{path}: has no state from 1 with two places that differ; give the path of the blade.")
     return made
@@ -73,17 +76,42 @@ def between(a: np.ndarray, b: np.ndarray, width_m: float) -> Pull | None:
     return Pull(float(a[0]), float(a[1]), heading, width_m, np.array([0.0, length]), np.array([a[2], b[2]]))
 
 
+def pulls_through(points: Iterable[np.ndarray], width_m: float) -> list[Pull]:
+    """Straight pulls through places (east, north, depth) in metres; none between places that coincide."""
+    pulls: list[Pull] = []
+    for a, b in itertools.pairwise(points):
+        if (pull := between(a, b, width_m)) is not None:
+            pulls.append(_turned(pull, pulls[-1]) if pulls else pull)
+    return pulls
+
+
+def _turned(pull: Pull, before: Pull) -> Pull:
+    """The pull with the turn of the blade from the one before it, unless that is sharper than a right angle.
+
+    Such a blade is rather lifted and set down again.
+    """
+    turn = math.radians(pull.heading_deg - before.heading_deg)
+    return replace(pull, from_deg=before.heading_deg) if math.cos(turn) > 1e-9 else pull
+
+
 def read_path(path: Path) -> np.ndarray:
     """State, east, north and depth below the plane of the untouched ground (n, 4), in metres, of a CSV file whose
     first line names its columns; others than ``COLUMNS`` are not read.
 
-    Raises IcyMoonError if the file is missing, or a column, or a number.
+    Raises IcyMoonError if the file is missing, or a column, or a number, if one is out of range, or there are too many.
     """
     rows = []
-    for number, row in read_number_lines(path, COLUMNS, "excavation.file"):
+    lines = read_number_lines(path, COLUMNS, "excavation.file")
+    if len(lines) > MOST_PLACES:
+        raise IcyMoonError(f"{path}: has {len(lines)} places of the blade, more than {MOST_PLACES}; leave out those "
+                           "between which it goes straight.")
+    for number, row in lines:
         if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
             raise IcyMoonError(f"{path}: line {number} is no place of the blade; give a whole state from 1, and "
                                "x_m, y_m and depth_m in metres.")
+        if max(abs(row[1]), abs(row[2])) > _FARTHEST_M or abs(row[3]) > _DEEPEST_M:
+            raise IcyMoonError(f"{path}: line {number} is more than {_FARTHEST_M:g} m from the origin, or more than "
+                               f"{_DEEPEST_M:g} m deep; give metres.")
         rows.append(row)
     if not rows:
         raise IcyMoonError(f"{path}: has no line of numbers; give the path of the blade.")

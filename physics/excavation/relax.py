@@ -20,6 +20,10 @@ _STEPS = ((1, 0), (1, 1), (1, -1), (2, 1), (2, -1))
 _TURNED = ((1, 0), (2, 1), (2, -1))
 #: Sweeps end where less than this share of a cell moves between any two cells, which is tested every so many sweeps.
 _TOLERANCE, _EVERY, _MOST_SWEEPS = 0.03, 10, 400
+#: What then still slides does so over long ways, which takes sweeps by their square. So pairs this many times as far
+#: apart are swept before, at most so often. They have the same end, as no slope over a longer way is steeper than
+#: all that it is made of; and what jumps over 8 cells leaps no trench that is not crude.
+_STRIDES, _MOST_STRIDES, _MOST_CYCLES = (4, 2), 100, 10
 #: How often ground that slid is let grow at most; each time less of what moves is ground.
 _BULKINGS = 4
 #: Cells round what may move.
@@ -44,8 +48,8 @@ class Layers:
 
 
 def relax(layers: Layers, cell_m: float, repose_deg: float, bulking: float = 1.0,
-          stood_m: np.ndarray | None = None, slides: np.ndarray | None = None) -> int:
-    """Let spoil slide, in place; the number of sweeps. Cells at the rim slide inward only.
+          stood_m: np.ndarray | None = None, slides: np.ndarray | None = None) -> tuple[int, bool]:
+    """Let spoil slide, in place; the number of sweeps, and whether all is at rest. Cells at the rim slide inward only.
 
     With ``stood_m``, the heights of the ground before it was dug, ground slides too, where ``slides`` (rows, columns)
     is true, everywhere by default. It becomes spoil, which takes ``bulking`` times the volume. Two places of the ground
@@ -53,15 +57,16 @@ def relax(layers: Layers, cell_m: float, repose_deg: float, bulking: float = 1.0
     """
     if stood_m is None:
         return _settle(layers.top, layers.spoil, cell_m, repose_deg, None)
-    sweeps = 0
+    sweeps, rests = 0, True
     for _ in range(_BULKINGS):
         top = layers.top
         loose = None if slides is None else np.where(slides, np.inf, layers.spoil)
-        sweeps += _settle(top, loose, cell_m, repose_deg, stood_m)
+        more, rests = _settle(top, loose, cell_m, repose_deg, stood_m)
+        sweeps += more
         grown = _book(layers, top - layers.top, bulking)
         if grown < _TOLERANCE * cell_m:
             break
-    return sweeps
+    return sweeps, rests
 
 
 def _book(layers: Layers, change_m: np.ndarray, bulking: float) -> float:
@@ -83,20 +88,40 @@ def _book(layers: Layers, change_m: np.ndarray, bulking: float) -> float:
 
 
 def _settle(top: np.ndarray, spoil: np.ndarray | None, cell_m: float, repose_deg: float,
-            stood_m: np.ndarray | None) -> int:
-    """Let what is too steep slide, in place; only ``spoil``, if it is given. The number of sweeps."""
+            stood_m: np.ndarray | None) -> tuple[int, bool]:
+    """Let what is too steep slide, in place; only ``spoil``, if it is given. The sweeps, and whether all rests.
+
+    Each move between two cells lowers the sum of squares of all heights, by no less than the tolerance allows, so the
+    sweeps end.
+    """
+    sweeps, rests = _sweep_often(top, spoil, cell_m, repose_deg, stood_m, 1, _MOST_SWEEPS)
+    for _ in range(_MOST_CYCLES):
+        if rests:
+            break
+        for stride in _STRIDES:
+            sweeps += _sweep_often(top, spoil, cell_m, repose_deg, stood_m, stride, _MOST_STRIDES)[0]
+        more, rests = _sweep_often(top, spoil, cell_m, repose_deg, stood_m, 1, _MOST_SWEEPS)
+        sweeps += more
+    return sweeps, rests
+
+
+def _sweep_often(top: np.ndarray, spoil: np.ndarray | None, cell_m: float, repose_deg: float,
+                 stood_m: np.ndarray | None, stride: int, most: int) -> tuple[int, bool]:
+    """Sweep over pairs ``stride`` times as far apart until little moves, or ``most`` times; see ``_settle``."""
     tangent = math.tan(math.radians(repose_deg))
     sweeps, window = 0, _moving_window(top, spoil, cell_m, tangent, stood_m)
-    while window is not None and sweeps < _MOST_SWEEPS:
+    while window is not None:
+        if sweeps >= most:
+            return sweeps, False
         part = top[window], None if spoil is None else spoil[window]
-        limits = _limits(None if stood_m is None else stood_m[window], part[0].shape, cell_m * tangent)
+        limits = _limits(None if stood_m is None else stood_m[window], part[0].shape, cell_m * tangent, stride)
         for _ in range(_EVERY):
             moved = _sweep(*part, limits)
         sweeps += _EVERY
         if moved < _TOLERANCE * cell_m * tangent:
             break
         window = _moving_window(top, spoil, cell_m, tangent, stood_m)
-    return sweeps
+    return sweeps, True
 
 
 def _moving_window(top: np.ndarray, spoil: np.ndarray | None, cell_m: float, tangent: float,
@@ -128,15 +153,21 @@ def _part(axis: int, of: slice) -> tuple[slice, slice]:
 _Limit = tuple[bool, tuple[slice, slice], tuple[slice, slice], Any]
 
 
-def _limits(stood_m: np.ndarray | None, shape: tuple[int, ...], rise_m: float) -> list[_Limit]:
-    """By how much all pairs of cells may differ in height: what the angle of repose allows, or as they stood."""
+def _limits(stood_m: np.ndarray | None, shape: tuple[int, ...], rise_m: float, stride: int) -> list[_Limit]:
+    """By how much all pairs of cells may differ in height: what the angle of repose allows, or as they stood.
+
+    ``stride`` is how many times as far apart they are as neighbours.
+    """
     found: list[_Limit] = []
     for turned, steps in ((False, _STEPS), (True, _TURNED)):
         stood = stood_m.T if turned and stood_m is not None else stood_m
-        for step in steps:
-            rise = rise_m * math.hypot(*step)
+        rows, columns = shape[::-1] if turned else shape
+        for down, right in ((stride * a, stride * b) for a, b in steps):
+            if down >= rows or abs(right) >= columns:
+                continue
+            rise = rise_m * math.hypot(down, right)
             found += [(turned, a, b, rise if stood is None else np.maximum(rise, np.abs(stood[a] - stood[b])))
-                      for a, b in _pairs(shape[::-1] if turned else shape, *step)]
+                      for a, b in _pairs((rows, columns), down, right)]
     return found
 
 

@@ -13,7 +13,7 @@ from .cut import Pull, bounds_of
 from .grid import Grid, covering
 from .heap import Heap, ridge_height_m
 from .joint_paths import make_joint_pulls
-from .paths import ARC, JOINTS, NONE, RECORDED, make_pulls
+from .paths import ARC, JOINTS, LINE, NONE, RECORDED, make_pulls
 from .strength import GRAVITY_M_S2, critical_height_m
 
 #: Vertices along a side of the grid at most, and its margin round trench and heap.
@@ -87,6 +87,7 @@ def _site(key: str, gravity: float) -> Site:
 def _lay_out(excavation: ExcavationSettings, pulls: tuple[tuple[Pull, ...], ...], every: list[Pull], deepest: float,
              gravity: float) -> Site:
     """The site of pulls; ``every`` are those that its size depends on, ``deepest`` is below the ground in metres."""
+    _refuse_small(excavation)
     stands = critical_height_m(excavation.cohesion_pa, excavation.friction_deg, excavation.density_kg_m3, gravity)
     slope = math.tan(math.radians(excavation.friction_deg))
     slumped = 0.5 * max(deepest, 0.0) / slope if deepest > stands else 0.0
@@ -101,9 +102,21 @@ def _lay_out(excavation: ExcavationSettings, pulls: tuple[tuple[Pull, ...], ...]
                     max(e[3] for e in ends), cell)
     if max(grid.rows, grid.columns) > MOST_SIDE:
         raise IcyMoonError(f"Trench and heap cover {grid.columns * cell:.3g} x {grid.rows * cell:.3g} m, which is "
-                           f"{grid.columns} x {grid.rows} cells of {cell:g} m, more than {MOST_SIDE} along a side; "
-                           "raise excavation.cell_m, or dig less.")
+                           f"{grid.columns:.4g} x {grid.rows:.4g} cells of {cell:g} m, more than {MOST_SIDE} along a "
+                           "side; raise excavation.cell_m, or dig less.")
     return Site(pulls, heap, grid, stands, trench, deepest)
+
+
+def _refuse_small(excavation: ExcavationSettings) -> None:
+    """Raise IcyMoonError for a blade or a line that could pass between the vertices."""
+    cell = float(excavation.cell_m)
+    if excavation.width_m < cell:
+        raise IcyMoonError(f"The blade's excavation.width_m of {excavation.width_m:g} m is less than a cell, "
+                           f"excavation.cell_m of {cell:g} m, so that it would pass between the vertices; lower "
+                           "excavation.cell_m.")
+    if excavation.path == LINE and excavation.length_m < cell and excavation.bite_m > 0:
+        raise IcyMoonError(f"A line of excavation.length_m {excavation.length_m:g} m, less than a cell of {cell:g} m, "
+                           "digs nothing; raise excavation.length_m, or set excavation.path to ARC.")
 
 
 def _place_heap(excavation: ExcavationSettings, pulls: list[Pull], deepest: float,
@@ -158,12 +171,13 @@ def advice(settings: Settings) -> list[str]:
     excavation, site, said = settings.excavation, make_site(settings), []
     deepest = site.deepest_m if any(site.pulls) else 0.0
     if deepest <= 0:
-        said.append("Nothing is dug in any state, because the blade never goes below the ground; raise "
-                    "excavation.bite_m, or keep it for a series of ground that does not change.")
+        fix = ("give depth_m above 0 in excavation.file" if excavation.path == RECORDED else "raise excavation.bite_m")
+        said.append(f"Nothing is dug in any state, because the blade never goes below the ground; {fix}, or keep it "
+                    "for a series of ground that does not change.")
     if excavation.path == ARC and deepest > excavation.radius_m:
         said.append(f"The arc's last bite is {deepest:.3g} m deep, more than its radius of {excavation.radius_m:g} m. "
                     "A scoop would cut under the ground there; the trench has straight ends instead.")
-    if 0 < deepest <= site.stands_m:
+    if site.grid.cell_m <= deepest <= site.stands_m:
         angle = math.degrees(math.atan(deepest / site.grid.cell_m))
         said.append(f"Walls up to {site.stands_m:.3g} m stand upright. The mesh makes them {angle:.1f} degrees steep, "
                     f"because they are one cell of {excavation.cell_m:g} m wide.")
@@ -176,6 +190,6 @@ def advice(settings: Settings) -> list[str]:
         said.append("Trench or heap are under the camera, which stays as high as over the untouched ground; move "
                     "excavation.start_x_m or excavation.start_y_m.")
     if settings.rocks.coverage > 0:
-        said.append("Rocks in the trench are not taken away: one of which most of the ground under it is dug away lies "
-                    "on the trench's floor; others stay where they lay, as does what spoil falls on.")
+        said.append("Rocks in the trench are not taken away: one that loses its support rolls to rest in it; others "
+                    "stay where they lay, as does what spoil falls on.")
     return said

@@ -1,36 +1,92 @@
-"""Which rocks keep their support when the ground under them is dug away."""
+"""Rocks that lose their support when the ground under them is dug away, and where they come to rest.
+
+A simplification, without dynamics: a rock tips where its middle is no longer over the convex hull of what is left of
+the ground under it. It then goes down the ground's slope under its footprint by quarters of its diameter, until that is
+gentle or the ground falls no more, turns with the slope there, and is lowered until it touches the ground. The same
+rocks and ground give the same result. Rocks do not meet each other, and are no part of what is dug.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import fields, replace
-from typing import Any
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from ..rocks.rocks import Rocks
+from ..rocks.rocks import HeightAt, Rocks, rest_on
+from ..rocks.shapes import Shape
 
 #: Loss of height in metres that counts as dug away.
 _LOST_M = 2.0e-3
-#: Points of a footprint: its centre and eight round it, at this share of the rock's diameter.
-_RING = 0.3
+#: Points of a footprint: rings of 16 at these shares of the rock's diameter.
+_RINGS, _ROUND = (0.15, 0.3, 0.45), 16
+#: A rock rolls on while the ground falls by more than this, in steps of this share of its diameter, at most so often.
+_ROLLS_DEG, _STEP, _MOST_STEPS = 20.0, 0.25, 60
+
+ChangeAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
-def keep_supported(before: Rocks, after: Rocks, change_m: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> Rocks:
-    """Rocks at rest on dug ground, from the same rocks on untouched ground and on the floor of the trench.
+def find_unsupported(rocks: Rocks, change_m: ChangeAt) -> np.ndarray:
+    """Numbers of the rocks whose middle is not over what is left of the ground under them.
 
-    A simplification: a rock falls straight down and lies along the ground there, where most of its footprint has been
-    dug away. Otherwise it stays. ``change_m`` is how much higher the ground is than untouched, at east and north.
+    ``change_m`` is how much higher the ground is than untouched, at east and north.
     """
-    if len(before.diameter_m) != len(after.diameter_m):
-        raise ValueError("both grounds must have the same rocks")
-    turn = np.linspace(0.0, 2 * np.pi, 8, endpoint=False)
-    dx, dy = (np.append(f(turn), 0.0) * _RING * before.diameter_m[:, None] for f in (np.cos, np.sin))
-    x, y = before.position_m[:, :1] + dx, before.position_m[:, 1:2] + dy
-    falls = (change_m(x, y) < -_LOST_M).mean(axis=1) > 0.5
-    arrays: dict[str, Any] = {}
-    for each in fields(before):
-        a, b = getattr(before, each.name), getattr(after, each.name)
-        if isinstance(a, np.ndarray):
-            arrays[each.name] = np.where(falls.reshape(-1, *[1] * (a.ndim - 1)), b, a)
-    return replace(before, **arrays)
+    turn = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
+    share = np.repeat(_RINGS, _ROUND)
+    dx, dy = share * np.tile(np.cos(turn), len(_RINGS)), share * np.tile(np.sin(turn), len(_RINGS))
+    size = rocks.diameter_m[:, None]
+    lost = change_m(rocks.position_m[:, :1] + size * dx, rocks.position_m[:, 1:2] + size * dy) < -_LOST_M
+    touched = np.flatnonzero(lost.any(axis=1))
+    left = ~lost[touched].reshape(-1, len(_RINGS), _ROUND)
+    return touched[~_spans_middle(left.any(axis=1))]
+
+
+def _spans_middle(left: np.ndarray) -> np.ndarray:
+    """Whether the middle is in the convex hull of points in some of equal directions (n, directions) around it.
+
+    It is unless they leave out more than half a turn.
+    """
+    half = left.shape[1] // 2
+    gap = np.stack([np.roll(~left, -first, axis=1)[:, :half].all(axis=1) for first in range(left.shape[1])], axis=1)
+    return np.asarray(~gap.any(axis=1))
+
+
+def settle_rocks(rocks: Rocks, change_m: ChangeAt, surface: HeightAt,
+                 shapes: Sequence[Sequence[Shape]]) -> tuple[Rocks, int]:
+    """Rocks at rest on dug ground, from the same rocks on untouched ground, and how many of them moved.
+
+    ``surface`` is the height of the dug ground.
+    """
+    falls = find_unsupported(rocks, change_m)
+    if not len(falls):
+        return rocks, 0
+    places = np.array([_roll(rocks.position_m[k, :2], float(rocks.diameter_m[k]), surface) for k in falls])
+    position, rotation = rest_on(rocks, falls, places, surface, lambda x, y: surface(x, y) - change_m(x, y), shapes)
+    all_positions, all_rotations = rocks.position_m.copy(), rocks.rotation.copy()
+    all_positions[falls], all_rotations[falls] = position, rotation
+    return replace(rocks, position_m=all_positions, rotation=all_rotations), len(falls)
+
+
+def _roll(place: np.ndarray, diameter: float, surface: HeightAt) -> np.ndarray:
+    """Where a rock comes to rest, from where it lay (2,): east and north in metres."""
+    turn = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
+    dx, dy = 0.45 * diameter * np.cos(turn), 0.45 * diameter * np.sin(turn)
+
+    def ground(at: np.ndarray) -> tuple[float, np.ndarray]:
+        z = surface(at[0] + dx, at[1] + dy)
+        # Least squares on a ring is a projection, as in ``rocks.py``.
+        fall = -np.array([(z * dx).sum(), (z * dy).sum()]) / (_ROUND / 2 * (0.45 * diameter) ** 2)
+        return float(z.mean()), fall
+
+    at, (height, fall) = place.copy(), ground(place)
+    for _ in range(_MOST_STEPS):
+        steep = float(np.hypot(*fall))
+        if not steep > math.tan(math.radians(_ROLLS_DEG)):
+            break
+        following = at + _STEP * diameter * fall / steep
+        lower, next_fall = ground(following)
+        if not lower < height:
+            break
+        at, height, fall = following, lower, next_fall
+    return at

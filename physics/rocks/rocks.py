@@ -203,3 +203,24 @@ def _lay(rocks: RocksSettings, xy: np.ndarray, diameter: np.ndarray, level: np.n
     kept = np.isfinite(z) & (np.hypot(xy[:, 0] - clear_m[0], xy[:, 1] - clear_m[1]) > clear_m[2] + reach)
     return Rocks(np.column_stack([xy, z])[kept], euler_xyz(rotation)[kept], scale[kept], level[kept], shape[kept],
                  diameter[kept], reach[kept])
+
+
+def rest_on(rocks: Rocks, which: np.ndarray, xy: np.ndarray, surface: HeightAt, before: HeightAt,
+            shapes: Sequence[Sequence[Shape]]) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (m, 3) and Euler angles (m, 3) of the rocks ``which`` (m,) laid loosely on other places (m, 2).
+
+    A rock turns from the slope under its footprint on the ground ``before`` to that on ``surface``, and is lowered
+    until it touches it.
+    """
+    size = 0.45 * rocks.diameter_m[which]
+    old, _ = _footprint_ground(rocks.position_m[which, :2], size, before)
+    new, _ = _footprint_ground(xy, size, surface)
+    turn = _upright_to(new) @ np.swapaxes(_upright_to(old), 1, 2)
+    rotation = turn @ euler_matrices(rocks.rotation[which])
+    z = np.empty(len(which))
+    for k, rock in enumerate(which):
+        shape = shapes[rocks.level[rock]][rocks.shape[rock]]
+        points = (shape.vertices * rocks.scale_m[rock]) @ rotation[k].T
+        gap = surface(xy[k, 0] + points[:, 0], xy[k, 1] + points[:, 1]) - points[:, 2]
+        z[k] = np.nanmax(gap) if np.isfinite(gap).any() else rocks.position_m[rock, 2]
+    return np.column_stack([xy, z]), euler_xyz(rotation)

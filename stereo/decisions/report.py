@@ -266,6 +266,7 @@ def find_notes(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, A
     if empty:
         notes.append(f"In {len(empty)} of {len(facts)} pairs no cell of the workspace is in reach and known, so "
                      "there is nothing to decide; move the workspace, the arm or the camera.")
+    notes += dict.fromkeys(said for fact in facts for said in (fact.get("excavation") or {}).get("advice", []))
     scenes = len({fact["scene"] for fact in facts})
     if scenes < comparisons.FEWEST_SCENES:
         counted = "One scene tells no interval, and" if scenes == 1 else f"With {scenes} scenes"

@@ -104,8 +104,9 @@ def test_a_rock_over_the_trench_falls_to_its_floor():
         co = np.empty(3 * len(mesh.vertices), np.float32)
         mesh.vertices.foreach_get("co", co)
         heights[state] = co.reshape(-1, 3)
-    moved = heights[2][:, 2] - heights[0][:, 2]
-    np.testing.assert_array_equal(heights[0][:, :2], heights[2][:, :2])
-    assert moved.min() < -0.05
-    assert 0 < (moved < -0.02).sum() < 0.1 * len(moved)
-    assert np.isclose(moved, 0.0).sum() > 0.8 * len(moved)
+        rocks_moved = built.excavation["rocks_moved"]
+    moved = heights[2][:, 2] < heights[0][:, 2] - 1e-3  # spoil at the rim lifts some beside it by less
+    assert 0 < moved.sum() == rocks_moved < 0.1 * len(moved)
+    assert (heights[2] - heights[0])[moved, 2].min() < -0.05  # to the floor, which is 0.1 m deep
+    # They stay at the trench, or roll a little.
+    assert np.hypot(*(heights[2] - heights[0])[moved, :2].T).max() < 0.5

@@ -94,7 +94,7 @@ def test_ground_that_slides_grows_and_keeps_its_mass():
 def test_gentle_ground_stays_as_it_is():
     layers = Layers(np.zeros((20, 20)) + 0.5 * 0.005 * np.arange(20), np.full((20, 20), 0.01))
     before = layers.copy()
-    assert relax(layers, 0.005, REPOSE, 1.4, np.full((20, 20), 0.3)) == 0
+    assert relax(layers, 0.005, REPOSE, 1.4, np.full((20, 20), 0.3)) == (0, True)
     np.testing.assert_array_equal(layers.top, before.top)
 
 
@@ -120,3 +120,47 @@ def test_only_ground_that_may_slide_does_so_however_steep_the_rest_is():
     np.testing.assert_array_equal(layers.ground[~slides], dug[~slides])
     assert (layers.ground[slides] < dug[slides] - 1e-3).any()
     assert layers.top.sum() == pytest.approx(dug.sum(), rel=1e-12)
+
+
+def test_spoil_on_steep_rough_ground_comes_to_rest():
+    # Rougher and steeper than any terrain here: 400 sweeps between neighbours were not enough.
+    random = np.random.default_rng(5)
+    north = np.arange(70)[:, None] * np.ones((1, 60))
+    ground = 0.8 * 0.005 * north + random.normal(0.0, 0.03, (70, 60))
+    spoil = np.where((north > 40) & (north < 60), 0.1, 0.0)
+    layers = Layers(ground.copy(), spoil.copy())
+    _, rests = relax(layers, 0.005, REPOSE)
+    assert rests
+    np.testing.assert_array_equal(layers.ground, ground)
+    assert layers.spoil.sum() == pytest.approx(spoil.sum(), rel=1e-12)
+    # Where both of two neighbours have spoil to give, none is steeper than it may be, but for the end of the sweeps.
+    drop = np.diff(layers.top, axis=0)
+    upper = np.where(drop > 0, layers.spoil[1:], layers.spoil[:-1])
+    assert np.abs(drop)[upper > 1e-3].max() < 1.1 * TANGENT * 0.005
+
+
+def test_strides_end_where_neighbours_end(monkeypatch):
+    # Both ways to rest fulfil the same limits; where they leave a heap differs by less than a stride.
+    from icymoon.physics.excavation import relax as module
+
+    ground = np.add.outer(0.8 * 0.005 * np.arange(60), np.zeros(40))
+    spoil = np.zeros_like(ground)
+    spoil[35:45, 10:30] = 0.06
+    ends = []
+    for sweeps in (10, 20_000):
+        monkeypatch.setattr(module, "_MOST_SWEEPS", sweeps)
+        layers = Layers(ground.copy(), spoil.copy())
+        assert relax(layers, 0.005, REPOSE)[1]
+        ends.append(layers.top)
+    assert np.abs(ends[0] - ends[1]).max() < max(module._STRIDES) * 0.005
+    assert ends[0].sum() == pytest.approx(ends[1].sum(), rel=1e-12)
+
+
+def test_sweeps_that_end_early_are_known(monkeypatch):
+    from icymoon.physics.excavation import relax as module
+
+    monkeypatch.setattr(module, "_MOST_SWEEPS", 10)
+    monkeypatch.setattr(module, "_MOST_CYCLES", 0)
+    layers = Layers(np.zeros((60, 60)), np.zeros((60, 60)))
+    layers.spoil[25:35, 25:35] = 0.5
+    assert not relax(layers, 0.005, REPOSE)[1]
