@@ -58,8 +58,8 @@ def measure_volumes() -> None:
     """Print the error of mass of random trenches, and of the volume of shapes with a formula."""
     random = np.random.default_rng(SEED)
     errors = [dig(random_trench(random), rolling_m=0.02).mass_error(2) for _ in range(TRENCHES)]
-    print(f"mass, {TRENCHES} random trenches of 2 bites: largest error {max(errors):.1e}, median {np.median(errors):.1e}",
-          flush=True)
+    print(f"mass, {TRENCHES} random trenches of 2 bites: largest error {max(errors):.1e}, median "
+          f"{np.median(errors):.1e}", flush=True)
     plain: dict[str, Any] = {"path": "LINE", "states": 2, "bite_m": 0.1, "chips_m": 0.0, "cell_m": 0.0025}
     along = dig({**plain, "start_x_m": 0.0}).facts(1)["taken_m3"] / (0.08 * 0.3 * 0.1) - 1
     print(f"prism along the cells: {along:+.1e}")

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
+#: How often triangles at vertices where a rim meets itself are taken out too.
+_PINCHES = 8
+#: How far an edge may be from the side that it lies on, in lengths of that.
+_ON_SIDE = 1.0e-3
+
 
 def cut_hole(positions: np.ndarray, faces: np.ndarray, bounds_m: tuple[float, float, float, float],
              free_m: float) -> tuple[np.ndarray, np.ndarray] | None:
     """Which triangles (m,) of a mesh stay, and the loop of vertices, counter-clockwise, round those that do not.
 
-    All go whose box meets the rectangle west, south, east, north, widened by ``free_m``. None if the rim is not one
-    loop that closes, or the mesh does not go all round it.
+    All go whose box meets the rectangle west, south, east, north, widened by ``free_m``, those at a vertex where the
+    rim would meet itself, and those across a seam from them, where several small triangles lie along a side of one.
+    None if the rim is not one loop that closes, or the mesh does not go all round it.
     """
     west, south, east, north = bounds_m
     meets = np.ones(len(faces), bool)
@@ -19,7 +25,13 @@ def cut_hole(positions: np.ndarray, faces: np.ndarray, bounds_m: tuple[float, fl
         corners = [values[faces[:, k]] for k in range(3)]
         meets &= np.maximum(np.maximum(corners[0], corners[1]), corners[2]) >= low - free_m
         meets &= np.minimum(np.minimum(corners[0], corners[1]), corners[2]) <= high + free_m
-    loop = _rim(faces[meets])
+    for _ in range(_PINCHES):
+        meets, rim = _close_seams(positions, faces, meets)
+        starts, times = np.unique(rim[:, 0], return_counts=True)
+        if not (times > 1).any():
+            break
+        meets = meets | np.isin(faces, starts[times > 1]).any(axis=1)
+    loop = _loop_of(rim)
     if loop is None:
         return None
     x, y = positions[loop, 0], positions[loop, 1]
@@ -28,14 +40,37 @@ def cut_hole(positions: np.ndarray, faces: np.ndarray, bounds_m: tuple[float, fl
     return ~meets, loop
 
 
-def _rim(faces: np.ndarray) -> np.ndarray | None:
-    """The vertices round triangles, in order; None if they are not one loop."""
-    if not len(faces):
+def _close_seams(positions: np.ndarray, faces: np.ndarray, meets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which triangles (m,) go, with those across a seam, and the edges (k, 2) between them and those that stay."""
+    used = np.zeros(len(positions), bool)
+    used[faces[meets]] = True
+    near = np.flatnonzero(used[faces].any(axis=1))
+    edges, owners = _rim_edges(faces[near])
+    owners = near[owners]
+    begin, end = positions[edges[:, 0], :2], positions[edges[:, 1], :2]
+    along, middle = end - begin, (begin + end) / 2
+    length2 = np.maximum((along**2).sum(axis=1), 1e-30)
+    pairs: list[tuple[int, int]] = []
+    for k in np.flatnonzero(used[edges].any(axis=1)):
+        off = middle - begin[k]
+        share = off @ along[k] / length2[k]
+        aside = np.abs(off[:, 0] * along[k, 1] - off[:, 1] * along[k, 0]) / length2[k]
+        found = np.flatnonzero((share > 0) & (share < 1) & (aside < _ON_SIDE))
+        pairs += [(int(k), int(j)) for j in found if owners[j] != owners[k]]
+    sides = np.array(pairs, np.int64).reshape(-1, 2)
+    meets, across = meets.copy(), owners[sides]
+    while len(across) and (open_seams := meets[across[:, 0]] != meets[across[:, 1]]).any():
+        meets[across[open_seams]] = True
+    rim, _ = _rim_edges(faces[meets])
+    many = len(positions)
+    seams = edges[np.unique(sides)]
+    return meets, rim[~np.isin(rim[:, 0] * many + rim[:, 1], seams[:, 0] * many + seams[:, 1])]
+
+
+def _loop_of(once: np.ndarray) -> np.ndarray | None:
+    """The vertices of edges (k, 2), in order; None if they are not one loop."""
+    if not len(once):
         return None
-    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
-    many = int(faces.max()) + 1
-    forward, backward = edges[:, 0] * many + edges[:, 1], edges[:, 1] * many + edges[:, 0]
-    once = edges[~np.isin(forward, backward)]
     follows = dict(once.tolist())
     if len(follows) != len(once):
         return None
@@ -43,6 +78,15 @@ def _rim(faces: np.ndarray) -> np.ndarray | None:
     while (after := follows.get(loop[-1], loop[0])) != loop[0]:
         loop.append(after)
     return np.array(loop) if len(loop) == len(once) else None
+
+
+def _rim_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Edges (k, 2) of triangles that have a triangle on their left only, and the number of that triangle (k,)."""
+    edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
+    many = int(faces.max()) + 1 if len(faces) else 1
+    forward, backward = edges[:, 0] * many + edges[:, 1], edges[:, 1] * many + edges[:, 0]
+    once = np.flatnonzero(~np.isin(forward, backward))
+    return edges[once], once // 3
 
 
 def rim_of(rows: int, columns: int) -> np.ndarray:
