@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import DiskError, IcyMoonError, describe_error
 from ..files import write_json
-from ..physics.arm import trench_reach
+from ..physics.excavation import reach
 from ..physics.random_numbers.seeds import generator
 from ..records import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ..version import version
@@ -182,7 +182,7 @@ def _excavation(workspace: Workspace) -> dict[str, Any] | None:
     stated = workspace.pair.data.get("excavation")
     wanted = ("state", "states", "change_in_region_by_state_m3", "region_m")
     return {**{key: stated[key] for key in wanted}, "advice": [
-        *trench_reach.advice(workspace.pair.settings), *stated.get("advice", [])]} if stated else None
+        *reach.advice(workspace.pair.settings), *stated.get("advice", [])]} if stated else None
 
 
 def _decide(workspace: Workspace, method: Method | None, pose: np.ndarray, out: Path, scoop: Scoop | None,

@@ -47,8 +47,8 @@ class State:
 class Series:
     """The states of an excavation that have been dug so far; the first is the untouched ground.
 
-    ``level_m`` is the height that depths count from where the path is that of the arm's joints.
-    ``bare`` are the layers of each state without clods, from which the next one is dug.
+    ``level_m`` is the height that depths count from where the path is that of the arm's joints. ``bare`` are the layers
+    of each state without clods, from which the next one is dug.
     """
 
     site: Site
