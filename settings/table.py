@@ -429,8 +429,7 @@ EXCAVATION = Topic("excavation", "Excavation", "A trench that a scoop digs, and 
             choices=(("LEFT", "Left", "Left of the trench"), ("RIGHT", "Right", "Right of the trench"))),
     _metres("heap_gap_m", "Gap", 0.05, 0.0, 10.0, (0.0, 0.3), "Distance from the trench to the foot of the heap in the "
             "last state", "geometry"),
-    _metres("clods_m", "Clods", 0.0, 0.0, 0.05, (0.0, 0.02), "Height of the clods on spoil; 0 for spoil as smooth as "
-            "sand", "geometry"),
+    _metres("clods_m", "Clods", 0.0, 0.0, 0.05, (0.0, 0.02), "Height of the clods on spoil; 0 for none", "geometry"),
     _metres("cell_m", "Cell", 0.0025, 2.0e-4, 0.1, (0.001, 0.01), "Distance of the vertices of trench and heap",
             "geometry"),
     _fraction("fresh_albedo", "Fresh Albedo", 1.0, "Albedo of ground that was dug open, and of spoil, relative to the "
@@ -1087,11 +1086,11 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
             choices=(("NONE", "Nothing", "All values as rendered"),
                      ("RADIANCE", "Radiance", "Rounded by at most 0.05 %. Files are a quarter smaller with the whole "
                       "truth, and half with depth alone"),
-                     ("RADIANCE_NORMALS", "Radiance and Normals", "Normals are off by at most 0.03°. Files are half as "
-                      "large"))),
+                     ("RADIANCE_NORMALS", "With Normals", "Radiance as well as normals, which are off by "
+                      "at most 0.03°. Files are half as large"))),
     Setting("truth", "Truth", "FULL", "Truth that is rendered with the images", "sampling",
             choices=(("FULL", "Full", "Depth, normals and labels, in a separate render with one sample per pixel"),
-                     ("SEMANTIC", "Depth and Semantic Labels", "Depth and what a pixel shows (ground, rock, lander, "
+                     ("SEMANTIC", "No Normals", "Depth and what a pixel shows (ground, rock, lander, "
                       "planet), both from the render of the images, without normals and labels of single rocks"),
                      ("DEPTH", "Depth Only", "Depth from the render of the images. This saves the separate render "
                       "unless the images are blurred or toed in"))),

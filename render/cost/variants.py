@@ -203,13 +203,8 @@ def _shortcuts(settings: Settings) -> list[_Shortcut]:
 
 def leaner_settings(settings: Settings) -> dict[str, dict[str, dict[str, Any]]]:
     """Parts of settings, by name, that each leave out one more part of the scene's light."""
-    found: dict[str, dict[str, dict[str, Any]]] = {}
-    walked = [topic for topic in surface_topics(settings)
-              if follows_walk(settings, topic) and settings[topic]["subsurface_method"] == "RANDOM_WALK"]
-    if walked:
-        found["Burley's profile under the surface"] = {topic: {"subsurface_method": "BURLEY"} for topic in walked}
-    return found | {part.without: {"quality": {part.key: part.lean}} for part in _shortcuts(settings)
-                    if part.key != "truth" and settings.quality[part.key] != part.lean}
+    return {part.without: {"quality": {part.key: part.lean}} for part in _shortcuts(settings)
+            if part.key != "truth" and settings.quality[part.key] != part.lean}
 
 
 def _surface_models(group: str, settings: Settings) -> list[Variant]:

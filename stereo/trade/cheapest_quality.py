@@ -64,9 +64,8 @@ def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
         if found and found["cpu_s"] < (1 - _SAVED) * cost and abs(found["bias"]) <= _LIGHT:
             chosen, cost = trial, found["cpu_s"]
     quality = chosen.settings.quality
-    other = changed(chosen.settings, bench.settings)
-    keys = {*_ALWAYS_WRITTEN, *other.pop("quality", {})}
-    settings = {"quality": {key: quality[key] for key in quality if key in keys}, **other}
+    keys = {*_ALWAYS_WRITTEN, *changed(chosen.settings, bench.settings).get("quality", {})}
+    settings = {"quality": {key: quality[key] for key in quality if key in keys}}
     said = [*search.tried_lines(), f"Use {chosen.name}: {cost:.1f} CPU seconds a pair here, within {tolerance} for "
             f"{_join_words([method.label for method in methods])}."]
     write_text(file, "".join(f"# {line}\n" for line in said) + to_toml(settings))

@@ -97,7 +97,8 @@ CHOICES = ({}, {"source.kind": "MESH", "source.detail": True}, {"source.kind": "
            {"surface.ice_colour": "SNOW", "rock_surface.ice_colour": "SNOW"}, {"rocks.law": "TABLE"},
            {"sensor.colour": "BAYER"}, {"textures.set": "OWN"}, {"textures.set": "STAND_IN", "source.kind": "STAND_IN"},
            {"light.directions_from": "KERNELS"}, {"dataset.plan": "//plan.toml"}, {"quality.indirect": "BAKED"},
-           {"lander.kind": "PARAMETRIC"}, {"excavation.path": "ARC"}, {"excavation.path": "RECORDED"})
+           {"lander.kind": "PARAMETRIC"}, {"lander.kind": "OWN"}, {"excavation.path": "ARC"},
+           {"excavation.path": "RECORDED"})
 
 
 def set_choices(root: object, chosen: dict) -> None:
