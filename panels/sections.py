@@ -98,8 +98,8 @@ SECTIONS = (
         f"{name}_offset_deg" for name in _ARM)),
     Section("arm", "limits", "Limits", "Angles between which each joint can turn", tuple(
         f"{name}_{end}_deg" for name in _ARM for end in ("low", "high"))),
-    Section("arm", "sizes", "Sizes", "Where the arm is mounted, its lengths and its scoop", (
-        "shoulder_x_m", "shoulder_y_m", "shoulder_z_m", "offset_m", "upper_m", "fore_m", "hand_m", "scoop_length_m",
+    Section("arm", "sizes", "Sizes", "Lengths of the arm, and its scoop", (
+        "offset_m", "upper_m", "fore_m", "hand_m", "scoop_length_m",
         "scoop_width_m", "scoop_depth_m")),
     Section("sensor", "optics", "Optics", "Aperture, wavelengths and sharpness of lens and filter", (
         "f_number", "pixel_pitch_um", "transmission", "band_centre_nm", "band_width_nm", "band_weights", "psf_sigma_px",
