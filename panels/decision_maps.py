@@ -16,7 +16,8 @@ def draw_decisions(layout: Any, scene: bpy.types.Scene) -> None:
     """Draw a button for each map of each matcher that has decisions, and what is shown; nothing without any."""
     for method in decided_methods(scene):
         box = layout.box().column(align=True)
-        box.label(text=describe_method(method))
+        name = describe_method(method)
+        box.label(text=name[:1].upper() + name[1:])  # "true depth" is a title here
         buttons = box.row(align=True)
         for kind, text, _ in MAPS:
             button = buttons.operator("icymoon.paint_decisions", text=text)
