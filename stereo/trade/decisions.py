@@ -137,4 +137,4 @@ def _percent(found: Mapping[str, Any], key: str, sign: str) -> str:
     if found[key] is None:
         return "an unknown share"
     doubt = found[f"{key}_doubt"]
-    return f"{100 * found[key]:{sign}.1f}{'' if doubt is None else f' ± {100 * doubt:.1f}'} %"
+    return f"{round(100 * found[key], 1) + 0.0:{sign}.1f}{'' if doubt is None else f' ± {100 * doubt:.1f}'} %"
