@@ -55,7 +55,7 @@ def find_progress(rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Seque
     path ``map`` of a picture of them, which this writes. Null pairs tell ``bias_m3``, ``sigma_m3``, ``smallest_m3``
     (noticed at 95 %) and its ``bounds_m3``, or None. ``notes`` are sentences on what cannot be given, and why.
 
-    A series starts with its state of the least number, which all others are compared with.
+    A series starts with its state of the least number, which all others in which something is dug are compared with.
     """
     dug = [fact for fact in facts if fact.get("excavation")]
     series: dict[str, list[_Entry]] = {}
@@ -73,7 +73,7 @@ def _progress(states: Sequence[_Entry], label: str, rows: Sequence[_Entry], dug:
               disc_m: float) -> dict[str, Any]:
     own = {row["pair"]: row for row in rows if row["method"] == label and row["status"] == "ok"}
     first, steps, notes = states[0], [], []
-    for state in states[1:]:
+    for state in filter(_is_dug, states[1:]):
         step = _step(first, state, own, out, disc_m)
         steps.append(step)
         notes += [f"By {label} there is no volume of state {step['state']}: {step['missing']}."] * bool(step["missing"])
@@ -137,8 +137,8 @@ def _noise(states: Sequence[_Entry], dug: Sequence[_Entry], own: Mapping[str, _E
         return find_noise(volumes), ""
     there = f"{len(group)} pair{'' if len(group) == 1 else 's'} of this site show{'s' * (len(group) == 1)}"
     return None, (f"{there} it with nothing dug and noise of the render of their own, {len(volumes)} of them can be "
-                  f"compared with the first, and it takes {FEWEST_NULLS}; render the series once more with "
-                  "excavation.bite_m = 0, as datasets/excavation_nulls does, and decide on both data sets together")
+                  f"compared with the first, and it takes {FEWEST_NULLS}; render state 0 again with another "
+                  "Sun or camera, as datasets/excavation_nulls does, and decide on both data sets together")
 
 
 def _is_dug(fact: _Entry) -> bool:

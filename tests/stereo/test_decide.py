@@ -203,6 +203,7 @@ def test_pairs_in_which_nothing_was_dug_tell_the_smallest_volume_if_their_noise_
     write_state(tmp_path / "set" / "pairs" / "dug", 8, 0.1, seed=8)
     _, matcher = run([tmp_path / "set"], tmp_path / "out")["progress"]
     assert matcher["null_pairs"] == 6
+    assert [step["state"] for step in matcher["steps"]] == [8]  # untouched pairs are no steps
     assert matcher["smallest_m3"] == pytest.approx(3.29 * matcher["sigma_m3"])
     assert matcher["bounds_m3"][0] < matcher["smallest_m3"] < matcher["bounds_m3"][1]
     assert not matcher["notes"]
