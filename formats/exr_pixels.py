@@ -61,9 +61,8 @@ class Pixels:
         line = np.dtype([(name, self._line[name]) for name in (self.channels[k] for k in wanted)])
         return Piece(kept, self._encode_chunks(self.decode()[:, wanted], line))
 
-    def round_to_half(self, wanted: Collection[int]) -> Piece:
-        """The part with these of its channels, by their places, as 16-bit floats."""
-        values = self.decode()
+    def round_to_half(self, wanted: Collection[int], values: np.ndarray) -> Piece:
+        """The part with these of its channels, by their places, as 16-bit floats; ``values`` are of ``decode``."""
         for k in wanted:
             stated = self._stated[self.channels[k]]
             self._stated[self.channels[k]] = stated[:-16] + struct.pack("<i", _HALF) + stated[-12:]
@@ -175,8 +174,9 @@ def round_passes(piece: Piece, passes: Collection[str]) -> Piece:
     named = [k for k, name in enumerate(pixels.channels) if ".".join(name.split(".")[:2]) in passes]
     if not named:
         return piece
-    values = pixels.decode()[:, named]
+    decoded = pixels.decode()
+    values = decoded[:, named]
     with np.errstate(over="ignore"):
         error = np.float64(values.astype("<f2")) - values
     fits = np.isfinite(error).all() and (error**2).sum() <= _ROUNDED**2 * np.square(values, dtype=np.float64).sum()
-    return pixels.round_to_half(named) if fits else piece
+    return pixels.round_to_half(named, decoded) if fits else piece
