@@ -14,7 +14,7 @@ from .commands.doctor import Finding
 from .errors import IcyMoonError
 from .files import parse_path
 from .formats import asset_library
-from .settings import announcements, trust_boundary
+from .settings import change_announcements, trust_boundary
 from .stereo.environment.packages import PACKAGES
 from .system import venv_python
 from .version import ROOT
@@ -320,7 +320,7 @@ def register() -> None:
     bundled_wheels.announce(Path(bpy.utils.user_resource("EXTENSIONS")))
     bpy.utils.register_class(ICYMOON_PG_matcher)
     bpy.utils.register_class(ICYMOON_AP_preferences)
-    announcements.listeners.append(_give_kernels)
+    change_announcements.listeners.append(_give_kernels)
     _choose_cache(_preferences(), bpy.context)
 
 
@@ -332,7 +332,7 @@ def _give_kernels(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 
 def unregister() -> None:
     """Unregister the preferences."""
-    announcements.listeners.remove(_give_kernels)
+    change_announcements.listeners.remove(_give_kernels)
     cache.choose_folder("")
     findings.clear()
     _found_matchers.clear()

@@ -17,10 +17,10 @@ from .errors import IcyMoonError
 from .physics.surfaces import principled
 from .plugins.landforms import PREFIX
 from .render.plans.vary_scene import COMBINATIONS, SPACINGS, SceneVariations, VariedSetting
-from .settings.announcements import COLOURS, announce, batch_changes, count_changes, make_update
+from .settings.change_announcements import COLOURS, announce, batch_changes, count_changes, make_update
 from .settings.description import canonical, check
 from .settings.landform_releases import refuse_missing, with_releases
-from .settings.mirrors import make_mirror
+from .settings.mirrored_properties import make_mirror
 from .settings.table import EFFECTS, TOPICS, Setting, Value, all_settings
 from .typed_settings import Settings, typed
 

@@ -13,8 +13,8 @@ from typing import Any
 
 from . import system
 from .errors import IcyMoonError
+from .file_shapes import PROCESS, TEXT, read_record
 from .files import explain_disk_errors
-from .records import PROCESS, TEXT, read_record
 
 _PREFIX = "icymoon-"
 _OWNER = ".icymoon.json"

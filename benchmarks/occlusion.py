@@ -26,9 +26,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 from icymoon.nodes.scene import Built, build
-from icymoon.physics.camera import occlusion as columns
-from icymoon.physics.camera.occlusion import find_hidden, is_in_frame, matching_column, warped
-from icymoon.render import occlusion, render_pair
+from icymoon.physics.camera import hidden_points as columns
+from icymoon.physics.camera.hidden_points import find_hidden, is_in_frame, matching_column, warped
+from icymoon.render import hidden_pixels, render_pair
 from icymoon.render.pairs.pair_folder import EYES, Pair, find_pairs
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
@@ -101,7 +101,7 @@ def _render(built: Built, settings: Any) -> tuple[Pair, Masks, dict[str, list[np
     take to that of all the rest, the least of two."""
     found: dict[str, list[np.ndarray]] = {}
     spent = 0.0
-    add_hidden, shift_frame = occlusion.add_hidden, render_pair.shift_frame
+    add_hidden, shift_frame = hidden_pixels.add_hidden, render_pair.shift_frame
 
     def add(truth: Any, between: Any, camera: Any) -> None:
         nonlocal spent
@@ -118,7 +118,7 @@ def _render(built: Built, settings: Any) -> tuple[Pair, Masks, dict[str, list[np
             yield
         spent += time.process_time() - start
 
-    occlusion.add_hidden, render_pair.shift_frame = add, shift
+    hidden_pixels.add_hidden, render_pair.shift_frame = add, shift
     ratios = []
     for _ in range(2):
         spent, start = 0.0, time.process_time()

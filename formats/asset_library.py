@@ -13,8 +13,8 @@ from functools import partial
 from pathlib import Path
 
 from ..errors import IcyMoonError
+from ..file_shapes import TEXT, Each, read_record
 from ..files import explain_disk_errors, write_atomically, write_json, write_text
-from ..records import TEXT, Each, read_record
 from ..system import remove
 from ..version import version
 

@@ -20,7 +20,7 @@ from ..physics import refused_scenes
 from ..physics.camera import blur
 from ..physics.camera.stereo_geometry import rounding_advice
 from ..physics.excavation.jitter import jittered_rig
-from ..physics.excavation.supports import settle_rocks
+from ..physics.excavation.unsupported_rocks import settle_rocks
 from ..physics.mesh.fine_relief import displacement_advice, nearest_m
 from ..physics.mesh.graded_ground import Graded
 from ..physics.mesh.height_surface import Surface

@@ -12,7 +12,7 @@ from ..errors import IcyMoonError
 from ..nodes import measured_surface, painted_errors
 from ..nodes import scene as scenes
 from ..render.pairs.pair_folder import read_pair
-from ..settings import announcements
+from ..settings import change_announcements
 from ..settings.table import TOPICS
 from ..stereo.ground_errors import DepthErrors, read_depth_errors
 from ..stereo.matchers.methods import describe_method
@@ -149,7 +149,7 @@ class ICYMOON_OT_hide_surface(bpy.types.Operator):
 
 def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
     """Follow the range of the colours."""
-    if scene is not None and announcements.COLOURS in effects:
+    if scene is not None and change_announcements.COLOURS in effects:
         measured_surface.recolour_points(scene, scene.icymoon.error_range_m)
         painted_errors.recolour(scene, scene.icymoon.error_range_m)
 
@@ -159,9 +159,9 @@ CLASSES = (ICYMOON_OT_show_surface, ICYMOON_OT_paint_errors, ICYMOON_OT_hide_sur
 
 def register() -> None:
     """Follow the range of the colours."""
-    announcements.listeners.append(listen)
+    change_announcements.listeners.append(listen)
 
 
 def unregister() -> None:
     """Stop following it."""
-    announcements.listeners.remove(listen)
+    change_announcements.listeners.remove(listen)

@@ -9,7 +9,7 @@ import bpy
 from ..nodes import scene as scenes
 from ..nodes.ground.terrain_mesh import roughness_table
 from ..settings import description
-from ..settings.announcements import announce
+from ..settings.change_announcements import announce
 from ..settings.table import TOPICS
 
 

@@ -14,7 +14,7 @@ from .. import scene_properties
 from ..errors import IcyMoonError
 from ..render.pairs.pair_folder import is_complete
 from ..render.workers.process import Message
-from ..settings import announcements
+from ..settings import change_announcements
 from . import jobs, live_preview
 from .expose import start_developing
 from .render import dataset_folder
@@ -129,12 +129,12 @@ def _forget(*_: object) -> None:
 
 def register() -> None:
     """Listen to changes of settings."""
-    announcements.listeners.append(listen)
+    change_announcements.listeners.append(listen)
     bpy.app.handlers.load_pre.append(_forget)
 
 
 def unregister() -> None:
     """Stop listening, and stop a running development."""
-    announcements.listeners.remove(listen)
+    change_announcements.listeners.remove(listen)
     bpy.app.handlers.load_pre.remove(_forget)
     _forget()

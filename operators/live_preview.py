@@ -15,7 +15,7 @@ from .. import scene_properties
 from ..errors import IcyMoonError
 from ..nodes import preview
 from ..nodes import scene as scenes
-from ..settings import announcements, description
+from ..settings import change_announcements, description
 from ..typed_settings import Settings
 from . import first_picture, refine, view_resolution
 from .build import frame_and_expose
@@ -116,12 +116,12 @@ def lines(scene: bpy.types.Scene) -> list[str]:
 
 def register() -> None:
     """Listen to changes of settings."""
-    announcements.listeners.append(listen)
+    change_announcements.listeners.append(listen)
 
 
 def unregister() -> None:
     """Stop listening."""
-    announcements.listeners.remove(listen)
+    change_announcements.listeners.remove(listen)
     _waiting.clear()
     if bpy.app.timers.is_registered(show_waiting):
         bpy.app.timers.unregister(show_waiting)

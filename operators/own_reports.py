@@ -11,8 +11,8 @@ from pathlib import Path
 
 from ..cache import own_cache_folder
 from ..errors import IcyMoonError
+from ..file_shapes import TABLE, read_record
 from ..files import sha256, write_json
-from ..records import TABLE, read_record
 
 #: Maximum number of checksums in the file, the newest last.
 _MOST = 500

@@ -14,8 +14,8 @@ import bpy
 
 from .. import scene_properties
 from ..errors import IcyMoonError
+from ..file_shapes import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, parse_json, read_record
 from ..files import explain_disk_errors
-from ..records import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, parse_json, read_record
 from ..settings import description
 from ..settings.table import TOPICS, Setting, all_settings
 from ..stereo.matchers.methods import describe_method

@@ -25,7 +25,7 @@ from ..formats.png import encode_png
 from ..nodes.datablocks.fingerprint import TAG
 from ..render.pairs.our_files import checked_id
 from ..scratch import make_scratch_folder
-from ..settings import announcements
+from ..settings import change_announcements
 from ..settings.changes import response
 from ..stereo.pair_views import PairViews, read_pair_views
 from ..system import remove_folder
@@ -329,14 +329,14 @@ CLASSES = (ICYMOON_OT_show_pair,)
 
 def register() -> None:
     """Follow the settings."""
-    announcements.listeners.append(listen)
+    change_announcements.listeners.append(listen)
     bpy.app.handlers.load_pre.append(_forget)
 
 
 def unregister() -> None:
     """Stop following the settings, and remove the pictures."""
     reading = _reading
-    announcements.listeners.remove(listen)
+    change_announcements.listeners.remove(listen)
     bpy.app.handlers.load_pre.remove(_forget)
     _forget()
     if reading is not None and reading.is_alive():

@@ -21,7 +21,7 @@ from ..render.workers.job import Job as JobFiles
 from ..render.workers.job import blender_command
 from ..render.workers.process import Message, Process
 from ..scratch import make_scratch_folder
-from ..settings import announcements, changes
+from ..settings import change_announcements, changes
 from ..settings.description import merged
 from ..stereo.pair_views import read_pair_views
 from ..system import remove_folder
@@ -173,7 +173,7 @@ _HANDLERS = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post, bpy.app.han
 
 def register() -> None:
     """Look whether there are pictures whenever anything changes."""
-    announcements.listeners.append(_forget_keys)
+    change_announcements.listeners.append(_forget_keys)
     for handlers in _HANDLERS:
         handlers.append(_forget_after)
 
@@ -183,7 +183,7 @@ def unregister() -> None:
     global _pictures
     for handlers in _HANDLERS:
         handlers.remove(_forget_after)
-    announcements.listeners.remove(_forget_keys)
+    change_announcements.listeners.remove(_forget_keys)
     _forget_keys()
     _made.clear()
     if _pictures is not None:

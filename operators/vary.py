@@ -35,7 +35,7 @@ from ..render.plans.vary_scene import (
     vary_around,
     why_fixed,
 )
-from ..settings import announcements
+from ..settings import change_announcements
 from ..settings.table import TOPICS, Setting
 from ..typed_settings import Settings
 from . import dataset, dialogs, jobs, results, variation_pictures
@@ -231,7 +231,7 @@ class ICYMOON_OT_variation_remove(_ListOperator, bpy.types.Operator):
         group = context.scene.icymoon.variations
         group.varied.remove(min(group.active, len(group.varied) - 1))
         group.active = max(0, min(group.active, len(group.varied) - 1))
-        announcements.announce(context.scene, "run")
+        change_announcements.announce(context.scene, "run")
         return {"FINISHED"}
 
 
@@ -253,7 +253,7 @@ class ICYMOON_OT_variation_move(_ListOperator, bpy.types.Operator):
             return {"CANCELLED"}
         group.varied.move(here, there)
         group.active = there
-        announcements.announce(context.scene, "run")
+        change_announcements.announce(context.scene, "run")
         return {"FINISHED"}
 
 
@@ -490,7 +490,7 @@ _HANDLERS: tuple[Callable[[], list[Any]], ...] = (
 
 def register() -> None:
     """Compute the lines anew whenever anything changes."""
-    announcements.listeners.append(_forget_lines)
+    change_announcements.listeners.append(_forget_lines)
     for handlers in _HANDLERS:
         handlers().append(_forget_after)
 
@@ -499,5 +499,5 @@ def unregister() -> None:
     """Listen no longer."""
     for handlers in _HANDLERS:
         handlers().remove(_forget_after)
-    announcements.listeners.remove(_forget_lines)
+    change_announcements.listeners.remove(_forget_lines)
     _forget_lines()

@@ -22,7 +22,7 @@ from ..physics.camera.sensor import capacity_e
 from ..physics.light.photons import pixel_pitch_m
 from ..physics.surfaces import albedos
 from ..render.pairs.pair_folder import read_pair
-from ..settings import announcements, changes
+from ..settings import change_announcements, changes
 from ..settings.description import merged
 from ..stereo.images.develop import Channels
 from ..typed_settings import Settings
@@ -141,9 +141,9 @@ def listen(scene: bpy.types.Scene, effects: frozenset[str]) -> None:
 
 def register() -> None:
     """Follow the camera response."""
-    announcements.listeners.append(listen)
+    change_announcements.listeners.append(listen)
 
 
 def unregister() -> None:
     """Stop following it."""
-    announcements.listeners.remove(listen)
+    change_announcements.listeners.remove(listen)

@@ -16,10 +16,10 @@ import numpy as np
 
 from ..cache import FOLDER_VARIABLE, own_cache_folder
 from ..errors import DiskError, IcyMoonError
+from ..file_shapes import COUNT, FILE_NAME, NUMBER, SHA256, Each, read_record
 from ..files import PART, explain_disk_errors, sha256, write_atomically, write_json
 from ..formats.ply import encode_triangles
 from ..formats.png import encode_png
-from ..records import COUNT, FILE_NAME, NUMBER, SHA256, Each, read_record
 from ..system import remove
 from .items import RECIPE, MeshItem, TextureItem, mesh_item, texture_item
 from .reconstructions import reconstruct

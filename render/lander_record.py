@@ -16,7 +16,7 @@ from ..physics.arm.keypoints import describe_keypoints
 from ..physics.arm.lander_arm import joint_facts
 from ..physics.arm.lander_solids import BODY, HEAD
 from ..typed_settings import Settings
-from .occlusion import read_depth
+from .hidden_pixels import read_depth
 from .pairs.pair_folder import EYES, TRUTH_FILE, StereoCamera
 
 #: Metres and sines by which the pose of an object may differ from that of the settings before it counts as moved by

@@ -35,7 +35,7 @@ from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, blur_of
 from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
 from ..typed_settings import Settings
-from . import cycles_settings, occlusion, passes, separate_lights
+from . import cycles_settings, hidden_pixels, passes, separate_lights
 from .baked_light import Indirect
 from .cost.estimate import bytes_of, count_bytes_left
 from .cycles_errors import first_line
@@ -218,7 +218,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
         scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system
                                             and _triangle_count(built) <= MOST_KEPT_TRIANGLES)
         truths = (sum(layer == TRUTH for take in takes for layer, _ in take.images)
-                  + (len(occlusion.STEPS_PX) if _is_full(planned) else 0))
+                  + (len(hidden_pixels.STEPS_PX) if _is_full(planned) else 0))
         with watch_samples(len(lights) * int(quality.samples), truths, report) as sampling:
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
@@ -292,16 +292,16 @@ def _render_truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair, came
             return files
         between: dict[str, list[np.ndarray]] = {eye: [] for eye in files}
         shifted = passes.choose_layer(scene, TRUTH, stem.with_name(f"{stem.name}-between"), "DEPTH")
-        for step in occlusion.STEPS_PX:
+        for step in hidden_pixels.STEPS_PX:
             with shift_frame(scene, step):
                 _run_cycles(scene, shifted, planned)
             with explain_disk_errors("write", stem), _report_unreadable(planned):
                 for eye, file in shifted.items():
                     # In single precision: millions of pixels have four numbers each here.
-                    between[eye].append(occlusion.read_disparity(file.read_bytes(), camera).astype(np.float32))
+                    between[eye].append(hidden_pixels.read_disparity(file.read_bytes(), camera).astype(np.float32))
                     system.remove(file)
     with explain_disk_errors("write", stem), _report_unreadable(planned):
-        occlusion.add_hidden(files, between, camera)
+        hidden_pixels.add_hidden(files, between, camera)
     return files
 
 

@@ -241,7 +241,7 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
     """Run ``evaluate`` with its parsed arguments; return the exit code."""
     packages.require(*packages.PACKAGES)
     from .evaluate import evaluate
-    from .follow import follow_until_input_ends
+    from .evaluate_while_rendering import follow_until_input_ends
     from .matchers.methods import parse_methods
 
     chosen = ("" if parsed.predictions else "bm,sgbm") if parsed.methods is None else parsed.methods
@@ -371,7 +371,7 @@ def _run_export(parsed: argparse.Namespace) -> int:
         return _export_ground(parsed)
     packages.require("numpy", "cv2", "OpenEXR", "rich")
     from .export.layouts import export
-    from .for_prediction import export_for_prediction
+    from .export_for_prediction import export_for_prediction
 
     if parsed.format == "mitsuba":
         return _export_mitsuba(parsed)

@@ -15,15 +15,15 @@ from typing import Any
 import numpy as np
 
 from ..errors import DiskError, IcyMoonError, describe_error
+from ..file_shapes import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ..files import write_json
 from ..physics.excavation import reach
 from ..physics.random_numbers.seeds import generator
-from ..records import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ..version import version
 from .artefacts import check_output_folder, files_exist, remove_leftovers
 from .decisions import pictures
 from .decisions.arm import Scoop, find_scoop, locate, stated_joints
-from .decisions.faults import find_faults
+from .decisions.joint_faults import find_faults
 from .decisions.progress import find_progress, series_of, site_of
 from .decisions.reach import has_arm
 from .decisions.report import OPENINGS, write_decisions

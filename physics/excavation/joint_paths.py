@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...file_shapes import read_number_lines
 from ...files import absolute_path
-from ...records import read_number_lines
 from ...typed_settings import Settings
 from ..arm.kinematics import Arm, Joint, beyond_limits, tip_of
 from ..arm.lander_arm import arm_of, is_own

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...file_shapes import read_number_lines
 from ...files import absolute_path
-from ...records import read_number_lines
 from ...typed_settings import ExcavationSettings
 from .cut import Pull
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...records import read_number_lines
+from ...file_shapes import read_number_lines
 
 #: Columns that a table must have.
 COLUMNS = ("x_m", "y_m", "diameter_m")

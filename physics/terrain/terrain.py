@@ -1,7 +1,7 @@
 """The ground: heights of position, composed of what the settings name.
 
 A random surface of stated roughness (``roughness``), extra layers of noise (``layers``), landforms
-(``landforms``), snow in the hollows (``mantle``), on a regional slope, with hills (``hills``) to the horizon. Any
+(``landforms``), snow in the hollows (``snow_mantle``), on a regional slope, with hills (``hills``) to the horizon. Any
 points, any order: the height of a place does not depend on the mesh, but for the wavelengths that the mesh cannot
 carry.
 """
@@ -20,7 +20,6 @@ from ..random_numbers.seeds import ground_generator
 from .hills import make_hills
 from .landforms import MAKERS, Landform, make_plugin_landforms
 from .layers import Layer, make_layer
-from .mantle import fill
 from .roughness.roughness import (
     LAW_FROM,
     LAW_TO,
@@ -31,6 +30,7 @@ from .roughness.roughness import (
     wavelengths_m,
 )
 from .roughness.structure_function import structure
+from .snow_mantle import fill
 
 #: Points worked on at a time, so that what is in hand stays in the processor's cache.
 _TILE = 128

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...records import NUMBER, TEXT, read_record
+from ...file_shapes import NUMBER, TEXT, read_record
 from ...settings.description import defaults, merged
 from ...system import count_processors
 from ...typed_settings import Settings

@@ -13,8 +13,8 @@ from typing import Any
 
 from ...cache import own_cache_folder
 from ...errors import IcyMoonError
+from ...file_shapes import COUNT, POSITIVE, TABLE, TEXT, find_fault, read_record
 from ...files import write_json
-from ...records import COUNT, POSITIVE, TABLE, TEXT, find_fault, read_record
 from ...system import count_processors
 
 

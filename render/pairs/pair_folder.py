@@ -18,9 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import PART, json_text, read_text, replace_if_unchanged, sha256
-from ...physics.rig.focal_length import focal_px
-from ...records import (
+from ...file_shapes import (
     COUNT,
     FILE_NAME,
     FLAG,
@@ -38,6 +36,8 @@ from ...records import (
     find_fault,
     parse_json,
 )
+from ...files import PART, json_text, read_text, replace_if_unchanged, sha256
+from ...physics.rig.focal_length import focal_px
 from ...settings.changes import response
 from ...settings.description import merged, restored
 from ...typed_settings import RigSettings, Settings

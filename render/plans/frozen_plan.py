@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
+from ...file_shapes import COUNT, TABLE, TEXT, Each, check_record, parse_json
 from ...files import explain_disk_errors, read_text, write_text
-from ...records import COUNT, TABLE, TEXT, Each, check_record, parse_json
 from ...settings.description import asking_to_update, changed, check, merged, restored
 from ...settings.pair_ids import counts, value_in_id
 from ...settings.table import all_settings

@@ -17,8 +17,8 @@ from typing import IO, Any
 
 from ... import system
 from ...errors import IcyMoonError
+from ...file_shapes import NUMBER, PATH, PROCESS, TEXT, read_record
 from ...files import explain_disk_errors
-from ...records import NUMBER, PATH, PROCESS, TEXT, read_record
 from .process import ProcessOutput
 
 #: What is written of a process.

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
+from ...file_shapes import COUNT, FLAG, PATH, TABLE, TEXT, WHOLE, Each, Maybe, read_record
 from ...files import absolute_path, explain_disk_errors
-from ...records import COUNT, FLAG, PATH, TABLE, TEXT, WHOLE, Each, Maybe, read_record
 from ...scratch import make_scratch_folder
 from ...system import is_python, remove_folder
 from ...typed_settings import Settings

@@ -20,7 +20,7 @@ from typing import IO, Any
 
 from ... import system
 from ...errors import IcyMoonError
-from ...records import TEXT, find_fault, parse_json
+from ...file_shapes import TEXT, find_fault, parse_json
 
 Message = dict[str, Any]
 _GRACE_S = 3.0

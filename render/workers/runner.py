@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...records import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
+from ...file_shapes import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
 from ..pairs.pair_folder import is_complete, update_response
 from ..plans.order import cut_into_jobs
 from ..plans.planned_pair import PlannedPair

@@ -10,7 +10,7 @@ import struct
 from pathlib import Path
 
 from ...errors import IcyMoonError
-from ...records import COUNT, NUMBER, PIXELS, POSITIVE, Maybe, read_record
+from ...file_shapes import COUNT, NUMBER, PIXELS, POSITIVE, Maybe, read_record
 from ...render.pairs.pair_folder import StereoCamera
 from .data_files import numbers_of, read_bytes, read_fields
 

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...file_shapes import FILE_NAME
 from ...files import read_checksum
-from ...physics.camera.occlusion import is_in_frame, matching_column
-from ...records import FILE_NAME
+from ...physics.camera.hidden_points import is_in_frame, matching_column
 from ...render.pairs.pair_folder import StereoCamera
 from ..images import colours
 from ..images.disparity_and_occlusion import ESTIMATED, MASK, visible_in_right
@@ -25,7 +25,7 @@ from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
-from .faults import WRONG_SIGN, check_truth
+from .input_faults import WRONG_SIGN, check_truth
 
 #: Share of the width that matchers search where a data set states no range.
 _SEARCHED_SHARE = 0.25

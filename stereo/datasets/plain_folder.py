@@ -26,7 +26,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...records import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record
+from ...file_shapes import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record
 from ...render.pairs.pair_folder import StereoCamera
 from ...suggestions import nearest
 from .data_files import MapFile, find_inside, read_text

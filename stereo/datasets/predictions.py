@@ -16,7 +16,7 @@ from ..measure.costs import COSTS
 from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from .data_files import MapFile, find_inside, read_map
-from .faults import check_prediction
+from .input_faults import check_prediction
 
 #: The name of such a method where others have the name of their matcher.
 PREDICTION = "prediction"

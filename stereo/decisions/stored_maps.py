@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...records import COUNT, FILE_NAME, FLAG, NUMBER, POSITIVE, TEXT, Each, Maybe, read_record
+from ...file_shapes import COUNT, FILE_NAME, FLAG, NUMBER, POSITIVE, TEXT, Each, Maybe, read_record
 from .dem import Grid
 
 #: What a map shows: the margin of a site, the slope under its disc, and how much too high the elevation model is.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...labels import PLANET
-from ...physics.camera.occlusion import find_hidden, is_in_frame, matching_column
+from ...physics.camera.hidden_points import find_hidden, is_in_frame, matching_column
 from ...render.pairs.pair_folder import StereoCamera
 from .exr import Truth
 

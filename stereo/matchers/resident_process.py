@@ -31,7 +31,7 @@ import numpy as np
 
 from ... import system
 from ...errors import IcyMoonError
-from ...records import parse_json
+from ...file_shapes import parse_json
 from ...render.pairs.pair_folder import StereoCamera
 from ...scratch import make_scratch_folder
 from ..adapters.icymoon_serve import PROTOCOL, as_disparity

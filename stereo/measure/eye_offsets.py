@@ -16,7 +16,7 @@ from functools import cache
 import cv2
 import numpy as np
 
-from ...physics.camera.occlusion import matching_column, warped
+from ...physics.camera.hidden_points import matching_column, warped
 from ...render.pairs.pair_folder import StereoCamera
 from .jackknife import jackknife, tile_sums
 

@@ -16,7 +16,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...physics.camera.occlusion import matching_column
+from ...physics.camera.hidden_points import matching_column
 
 CLEAN, NOISY, DECIDES = "clean", "noisy", "noise decides"
 #: Share of the lit or shaded pixels with more noise than texture up to which a pair is CLEAN, and up to which it is

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...records import COUNT, NUMBER, TEXT, Maybe, Shape
+from ...file_shapes import COUNT, NUMBER, TEXT, Maybe, Shape
 from ..images.disparity_and_occlusion import ESTIMATED
 from ..matchers.methods import Method
 from ..matchers.search_range import FIXED, MISSED, STATED, TRUTH

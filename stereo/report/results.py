@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from ...errors import IcyMoonError
+from ...file_shapes import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ...files import escape_cell, write_atomically, write_json
-from ...records import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ..datasets.predictions import options_of
 from ..environment import packages
 from ..matchers.methods import Method

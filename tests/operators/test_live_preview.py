@@ -18,7 +18,7 @@ from icymoon.operators import live_preview
 from icymoon.operators.render import bring_up_to_date, planned_pairs
 from icymoon.panels import sidebar
 from icymoon.render.worker import render_pairs
-from icymoon.settings import announcements, description
+from icymoon.settings import change_announcements, description
 from icymoon.typed_settings import Settings
 from panel_drawing import drawn, texts
 
@@ -451,16 +451,16 @@ def test_the_grid_is_as_fine_as_the_time_allows():
 
 def test_a_failing_listener_does_not_hold_back_the_next_changes(scene, monkeypatch):
     heard = []
-    monkeypatch.setattr(announcements, "listeners", [lambda scene, effects: heard.append(effects)])
+    monkeypatch.setattr(change_announcements, "listeners", [lambda scene, effects: heard.append(effects)])
 
     def fail() -> None:
-        with announcements.batch_changes():
-            announcements.announce(scene, "light")
+        with change_announcements.batch_changes():
+            change_announcements.announce(scene, "light")
             raise RuntimeError
 
     with pytest.raises(RuntimeError):
         fail()
-    announcements.announce(SimpleNamespace(), "camera")
+    change_announcements.announce(SimpleNamespace(), "camera")
     assert heard == [frozenset({"light"}), frozenset({"camera"})]
 
 

@@ -13,7 +13,7 @@ import icymoon.scene_properties as properties
 import pytest
 from icymoon.operators import sidebar_text
 from icymoon.operators.sidebar_text import remember
-from icymoon.settings import announcements
+from icymoon.settings import change_announcements
 from icymoon.settings.table import TOPICS
 from icymoon.version import ROOT
 
@@ -49,7 +49,7 @@ def test_settings_are_read_once_a_redraw_and_again_after_every_change(scene, mon
     assert properties.read_for_display(group) is first
     group.terrain.size_m = 7.0
     assert properties.read_for_display(group).terrain.size_m == 7.0
-    with announcements.batch_changes():
+    with change_announcements.batch_changes():
         group.terrain.size_m = 8.0
         assert properties.read_for_display(group).terrain.size_m == 8.0
     before = properties.read_for_display(group)

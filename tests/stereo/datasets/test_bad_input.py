@@ -13,7 +13,7 @@ import pairs
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.stereo.datasets.data_files import MOST_PIXELS, MapFile, read_image, read_map
-from icymoon.stereo.datasets.faults import check_prediction
+from icymoon.stereo.datasets.input_faults import check_prediction
 from icymoon.stereo.sources import find_sources
 
 pytestmark = pytest.mark.filterwarnings("error")

@@ -11,7 +11,7 @@ import pairs
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.for_prediction import export_for_prediction
+from icymoon.stereo.export_for_prediction import export_for_prediction
 from icymoon.stereo.images.image_files import read_png
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.prepare import prepare

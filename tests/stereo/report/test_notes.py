@@ -1,7 +1,7 @@
 """The sentences before the tables: on search ranges and on the noise of renders."""
 
 import pytest
-from icymoon.records import find_fault
+from icymoon.file_shapes import find_fault
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.render_noise import CLEAN, DECIDES, NOISY
 from icymoon.stereo.report.notes import BAKED, NOISE, SEARCH, Notes

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.physics.terrain.landforms import MAKERS, Landform, craters, ridges
-from icymoon.physics.terrain.mantle import fill
+from icymoon.physics.terrain.snow_mantle import fill
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import defaults, merged
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from types import ModuleType
 
-from icymoon.settings import announcements
+from icymoon.settings import change_announcements
 
 
 def reachable(function: Callable[..., object]) -> set[str]:
@@ -26,6 +26,6 @@ def reachable(function: Callable[..., object]) -> set[str]:
 
 def test_an_update_of_a_property_leads_to_no_blender():
     """Blender as a module keeps such functions, and 4.2 crashes at the end of Python if they keep it."""
-    found = reachable(announcements.make_update("light"))
-    assert "icymoon.settings.announcements" in found
+    found = reachable(change_announcements.make_update("light"))
+    assert "icymoon.settings.change_announcements" in found
     assert not {name for name in found if name.split(".")[0] in ("bpy", "_bpy", "bpy_types", "bl_operators")}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from icymoon.stereo.decisions.faults import FEWEST_SOUND, _limit, _scores_without, find_faults, roc_area
+from icymoon.stereo.decisions.joint_faults import FEWEST_SOUND, _limit, _scores_without, find_faults, roc_area
 
 
 def find(places, faults):

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...physics.camera.occlusion import matching_column, warped
+from ...physics.camera.hidden_points import matching_column, warped
 from ..measure.metrics import usable
 from .data_files import MapFile
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.excavation.supports import find_unsupported, settle_rocks
+from icymoon.physics.excavation.unsupported_rocks import find_unsupported, settle_rocks
 from icymoon.physics.rocks.rocks import Rocks, euler_matrices
 from icymoon.physics.rocks.shapes import make_rock_shapes
 

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from icymoon import cache, files, records, system
+from icymoon import cache, file_shapes, files, system
 from icymoon.commands.sources import read_pair_settings
 from icymoon.errors import IcyMoonError
 from icymoon.render.cost import estimate
@@ -344,30 +344,30 @@ def test_a_pair_on_a_share_that_is_away_for_a_moment_is_there(tmp_path, monkeypa
 
 
 @pytest.mark.parametrize(("shape", "good", "bad"), [
-    (records.TEXT, ["", "é"], [1, None, "\ud800", b"x"]), (records.FLAG, [True], [0, 1, None]),
-    (records.NUMBER, [0, -1.5, 1e300], [True, "1", float("nan"), float("inf"), 10**400, None]),
-    (records.POSITIVE, [1e-300, 3], [0, -1, True]), (records.COUNT, [0, 7], [-1, 1.0, True, 2**70]),
-    (records.FILE_NAME, ["left.exr", "a b"], ["", ".", "..", "a/b", "a\\b", "C:", "a\nb", "x ", "nul", 7]),
-    (records.SHA256, ["0" * 64], ["0" * 63, "G" * 64, "A" * 64, 0]),
-    (records.Maybe(records.FLAG), [True], [None]), (records.Maybe(records.FLAG, null=True), [None, False], [1]),
-    (records.Each(records.FLAG), [[], [True]], [{}, [1], None]),
-    (records.Each(records.FLAG, records.FILE_NAME, ("a",)), [{"a": True}],
+    (file_shapes.TEXT, ["", "é"], [1, None, "\ud800", b"x"]), (file_shapes.FLAG, [True], [0, 1, None]),
+    (file_shapes.NUMBER, [0, -1.5, 1e300], [True, "1", float("nan"), float("inf"), 10**400, None]),
+    (file_shapes.POSITIVE, [1e-300, 3], [0, -1, True]), (file_shapes.COUNT, [0, 7], [-1, 1.0, True, 2**70]),
+    (file_shapes.FILE_NAME, ["left.exr", "a b"], ["", ".", "..", "a/b", "a\\b", "C:", "a\nb", "x ", "nul", 7]),
+    (file_shapes.SHA256, ["0" * 64], ["0" * 63, "G" * 64, "A" * 64, 0]),
+    (file_shapes.Maybe(file_shapes.FLAG), [True], [None]),
+    (file_shapes.Maybe(file_shapes.FLAG, null=True), [None, False], [1]),
+    (file_shapes.Each(file_shapes.FLAG), [[], [True]], [{}, [1], None]),
+    (file_shapes.Each(file_shapes.FLAG, file_shapes.FILE_NAME, ("a",)), [{"a": True}],
      [{}, {"a": 1}, {"a": True, "../b": True}, []]),
-    ({"a": records.FLAG, "b": records.Maybe(records.TEXT)}, [{"a": True}, {"a": False, "b": "", "c": 1}],
+    ({"a": file_shapes.FLAG, "b": file_shapes.Maybe(file_shapes.TEXT)}, [{"a": True}, {"a": False, "b": "", "c": 1}],
      [{}, {"a": True, "b": 1}, [], None]),
 ])
 def test_shapes(shape, good, bad):
-    assert [value for value in good if records.find_fault(value, shape)] == []
-    assert [value for value in bad if not records.find_fault(value, shape)] == []
+    assert [value for value in good if file_shapes.find_fault(value, shape)] == []
+    assert [value for value in bad if not file_shapes.find_fault(value, shape)] == []
 
 
 def test_a_fault_names_the_file_the_key_what_is_expected_and_the_fix():
+    shape = {"files": file_shapes.Each({"bytes": file_shapes.COUNT}, file_shapes.FILE_NAME)}
     with pytest.raises(IcyMoonError) as caught:
-        records.check_record({"files": {"left.exr": {"bytes": "x"}}},
-                             {"files": records.Each({"bytes": records.COUNT}, records.FILE_NAME)}, "a/pair.json",
-                             "mend it")
+        file_shapes.check_record({"files": {"left.exr": {"bytes": "x"}}}, shape, "a/pair.json", "fix it")
     assert str(caught.value) == ("a/pair.json: files.left.exr.bytes is 'x', not a whole number of 0 or more; "
-                                 "mend it.")
+                                 "fix it.")
 
 
 def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path, monkeypatch):

@@ -13,7 +13,7 @@ import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.render.workers.job import python_command
 from icymoon.stereo.evaluate import evaluate
-from icymoon.stereo.follow import follow
+from icymoon.stereo.evaluate_while_rendering import follow
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.costs import COSTS
 

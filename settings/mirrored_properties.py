@@ -1,6 +1,6 @@
 """Properties that show another property of their group, such as with fewer decimals.
 
-Knows no Blender, for the reason in ``announcements``.
+Knows no Blender, for the reason in ``change_announcements``.
 """
 
 from __future__ import annotations
