@@ -24,7 +24,7 @@ from functools import partial
 import numpy as np
 from icymoon.physics.surfaces import photometry
 from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
-from icymoon.validation.moon_albedos import opposition_effect
+from icymoon.validation.moon_albedos import opposition_effect, reflectance_at_five
 
 #: Geometric and equigonal albedo: Verbiscer et al. 2007, as others quote it; Filacchione et al. 2022.
 MOONS = {"Mimas": (0.962, 0.63), "Tethys": (1.229, 0.74), "Dione": (0.998, 0.65), "Rhea": (0.949, 0.60)}
@@ -69,24 +69,21 @@ def europa_law(w: float, b_s0: float) -> photometry.Law:
 
 def fit_europa() -> None:
     """Print Europa's terrains."""
-    def at_five(law: photometry.Law) -> float:
-        return float(np.pi * law(np.zeros(1), np.radians([5.0]), np.zeros(1))[0])
-
     wanted = 1.5 * opposition_effect(europa_law(0.964, 0.5))
     found = {"bright plains": solve(lambda w, surge: (
         photometry.bond_albedo(europa_law(w, surge)) - 0.68, opposition_effect(europa_law(w, surge)) - wanted))}
-    surge, plains, dark = found["bright plains"][1], at_five(europa_law(*found["bright plains"])), 0.17
+    surge, plains, dark = found["bright plains"][1], reflectance_at_five(europa_law(*found["bright plains"])), 0.17
     for name, amplitude, share in (("dark lineae", 1.0, 1.0), ("ridges", surge, 0.25), ("bands", surge, 0.5)):
         mixed = (1 - share) * plains + share * dark
         low, high = 0.1, 0.999
         for _ in range(40):  # w, by halving: I/F grows with it
             middle = (low + high) / 2
-            low, high = (middle, high) if at_five(europa_law(middle, amplitude)) < mixed else (low, middle)
+            low, high = (middle, high) if reflectance_at_five(europa_law(middle, amplitude)) < mixed else (low, middle)
         found[name] = low, amplitude
     for name, (w, amplitude) in found.items():
         law = europa_law(w, amplitude)
-        print(f"Europa, {name:14s} w {w:.5f}  b_s0 {amplitude:.4f}   I/F at 5° {at_five(law):.4f}  geometric "
-              f"{photometry.geometric_albedo(law):.4f}  Bond {photometry.bond_albedo(law):.4f}", flush=True)
+        print(f"Europa, {name:14s} w {w:.5f}  b_s0 {amplitude:.4f}   I/F at 5° {reflectance_at_five(law):.4f}  "
+              f"geometric {photometry.geometric_albedo(law):.4f}  Bond {photometry.bond_albedo(law):.4f}", flush=True)
 
 
 def main() -> None:

@@ -26,7 +26,16 @@ _SPIKE = ("Likely cause: a measurement that has only part of the narrow surge be
           "Lockwood 1992 (J. Geophys. Res. 97, abstract) call very strong. The preset is 0.75 with the surge and, see "
           "below, 0.62 without; by the colour, also below, another measurement is 0.79 at 0.55 µm. Zero point and "
           "radius are no cause: V(1,0) = -1.41, as planetarium programs quote it, gives 0.68 with a Sun of V = -26.74 "
-          "and a radius of 1560.8 km. Open: by which phases and formula this magnitude was extrapolated to 0°")
+          "and a radius of 1560.8 km. The preset has 0.67 at a phase of 0.2°, 0.64 at 0.45° and 0.62 at 1°, so the "
+          "tables' 0.64 and 0.67 are what it shows near the smallest phases seen from Earth (Thompson and Lockwood: "
+          "less than 0.5°). Open, as the publication behind the table was not found: by which phases and formula its "
+          "magnitude was extrapolated to 0°")
+_FACTS = "an early edition of NASA's Moon Fact Sheet, as archives of it print it"
+_MOON_CURVE = ("Allen 1976 in Krisciunas and Schaefer 1991, PASP 103, 1033; ROLO's curve (Kieffer and Stone 2005) is "
+               "within 0.08 mag of it, by the web page amper.ped.muni.cz/light/luminance/moon_cal")
+_SMOOTH = "Likely cause: roughness and phase function are typical and were not fitted to the curve"
+#: Share of Europa's area that is chaos, where it was mapped.
+_CHAOS = 0.3
 _WITHOUT_SURGE = ("Cause, by the row of the phase integral without the surge: the albedo that it is made with leaves "
                   "the narrow surge out")
 
@@ -85,6 +94,8 @@ MEASURED = (
     Measured("europa_global", "phase integral", 0.97, 0.06, "Bond over geometric albedo, both as above",
              why=_WITHOUT_SURGE),
     Measured("europa_bright_plains", "Bond", 0.68, 0.003, "upper end of 0.62 to 0.68, as above", fitted=True),
+    Measured("lunar_like", "geometric", 0.12, 0.003, _FACTS, fitted=True),
+    Measured("lunar_like", "Bond", 0.067, 0.01, f"{_FACTS}; its error is a guess"),
 )
 
 _QUANTITIES: dict[str, Callable[[photometry.Law], float]] = {
@@ -113,6 +124,11 @@ def _magnitudes_per_degree(law: photometry.Law, near_deg: float, far_deg: float)
     return float(2.5 * np.log10(near / far) / (far_deg - near_deg))
 
 
+def reflectance_at_five(law: photometry.Law) -> float:
+    """I/F of ground that is lit along its normal, at an emission and phase angle of 5°."""
+    return float(np.pi * law(np.zeros(1), np.radians([5.0]), np.zeros(1))[0])
+
+
 def opposition_effect(law: photometry.Law) -> float:
     """Increase of I/F of ground that is lit along its normal, from an emission and phase angle of 5° to 0°."""
     five, none = law(np.zeros(2), np.radians([5.0, 0.0]), np.zeros(2))
@@ -131,12 +147,13 @@ def _europa_rows() -> list[Row]:
     whole, plains, dark = (preset_law(f"surfaces/hapke_europa_{name}")
                            for name in ("global", "bright_plains", "dark_lineae"))
     colour, error = europa_over_green(470.0)
-    five = float(np.pi * dark(np.zeros(1), np.radians([5.0]), np.zeros(1))[0])
     extrapolated = albedo_without_surge(whole)
     return [
         Row("`hapke_europa_global`, geometric albedo, in a line from phases of 1.5° to 12°", extrapolated, 0.67, 0.03,
             "V band, as above", why="Likely cause: the measured albedo has part of the surge; it is between this and "
             "the one with all of it"),
+        Row("`hapke_europa_global`, geometric albedo, in a line from phases of 1.5° to 12°", extrapolated, 0.64, 0.03,
+            "Hamilton's Views of the Solar System, another table; the error is that of the one above"),
         Row("`hapke_europa_global`, phase integral with this albedo", photometry.bond_albedo(whole) / extrapolated,
             0.97, 0.06, "as above"),
         Row(f"`hapke_europa_global`, geometric albedo at 0.47 µm, by the colour {colour:.3f} of the trailing side",
@@ -151,22 +168,60 @@ def _europa_rows() -> list[Row]:
         Row("`hapke_europa_bright_plains`, opposition effect over that of `hapke_europa_global`",
             opposition_effect(plains) / opposition_effect(whole), 1.5, 0.1, "Helfenstein et al. 1998, Icarus 135, 41, "
             "abstract: about 1.5 times what was known before; the error is a guess", fitted=True),
-        Row("`hapke_europa_dark_lineae`, I/F at emission and phase 5°", five, 0.17, 0.005, "the same, 0.56 µm",
-            fitted=True),
+        Row("`hapke_europa_dark_lineae`, I/F at emission and phase 5°", reflectance_at_five(dark), 0.17, 0.005,
+            "the same, 0.56 µm", fitted=True),
         Row("`hapke_europa_dark_lineae`, opposition effect over that of `hapke_europa_bright_plains`",
             opposition_effect(dark) / opposition_effect(plains), 3.0, 1.0, "the same: up to four times, of the darkest "
             "spots, by shadow hiding; taken as 2 to 4"),
+        *_mixed_rows("ridges", 0.25, plains, dark, ""),
+        *_mixed_rows("bands", 0.5, plains, dark, "Likely cause: chaos, whose darkness was not measured, is brighter "
+                    "than ground with half dark material; with bands on up to 22 % of the disc it has the measured "
+                    "0.62 or more"),
     ]
 
 
+def _mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometry.Law, why: str) -> list[Row]:
+    """Rows of a terrain that is a mixture: what it was fitted to, and the nearest that is measured."""
+    law, preset = preset_law(f"surfaces/hapke_europa_{name}"), f"`hapke_europa_{name}`"
+    mixed = (1 - share) * reflectance_at_five(plains) + share * reflectance_at_five(dark)
+    disc = (1 - _CHAOS) * photometry.bond_albedo(plains) + _CHAOS * photometry.bond_albedo(law)
+    return [
+        Row(f"{preset}, I/F at emission and phase 5°", reflectance_at_five(law), mixed, 0.003, f"no measurement: "
+            f"`_bright_plains` with {share:.0%} of `_dark_lineae`, as Clark et al. 1998 (Icarus 135, 95, abstract) "
+            "mix them; the share is chosen", fitted=True),
+        Row(f"{preset}, opposition effect over that of `hapke_europa_bright_plains`",
+            opposition_effect(law) / opposition_effect(plains), 2.5, 1.5, "Helfenstein et al. 1998, as above: between "
+            "those of bright icy terrains, 1, and of the darkest spots, up to 4"),
+        Row(f"{preset} on {_CHAOS:.0%} of a disc of `hapke_europa_bright_plains`: Bond albedo", disc, 0.65, 0.03,
+            "of the whole moon, as above; share: that of chaos, nearly 30 % of the area that Riley et al. 2000 "
+            f"mapped (J. Geophys. Res. 105, 22599, abstract); that chaos is as dark as {name} is a guess", why=why),
+    ]
+
+
+def _lunar_rows() -> list[Row]:
+    """The Moon's phase curve, to which nothing was fitted; from 30° on, as nearer the curve has no surge."""
+    law = preset_law("surfaces/hapke_lunar_like")
+    phases = np.array([30.0, 60.0, 90.0, 120.0])
+    ours = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))
+    theirs = 0.026 * phases + 4e-9 * phases**4
+    return [Row(f"`hapke_lunar_like`, magnitude at a phase of {phase:.0f}° less that at 30°", here - ours[0],
+                there - theirs[0], 0.08, _MOON_CURVE, unit="mag", why=_SMOOTH)
+            for phase, here, there in zip(phases[1:], ours[1:], theirs[1:], strict=True)]
+
+
 def _compare(bench: Bench) -> list[Row]:
-    return [*map(_measured_row, MEASURED), *_europa_rows()]
+    return [*map(_measured_row, MEASURED), *_europa_rows(), *_lunar_rows()]
 
 
 COMPARISON = Comparison(
     "albedos", "Albedos of whole moons",
     "Albedos that follow from the presets with Hapke's law, by integration. The geometric albedo is the brightness of "
     "a full disc over that of a white, facing one; the Bond albedo is the share of all sunlight that is returned; the "
-    "equigonal albedo is I/F at i = e = g/2, extrapolated to g = 0 without the surge. `surfaces/hapke_europa_bands` "
-    "and `_ridges` are mixtures without a measurement of their own. `python benchmarks/fit_albedos.py` "
-    "repeats the fits.", _compare)
+    "equigonal albedo is I/F at i = e = g/2, extrapolated to g = 0 without the surge. `python "
+    "benchmarks/fit_albedos.py` repeats the fits. `surfaces/hapke_europa_ridges` and `_bands` were fitted to mixtures "
+    "of our own, and no measurement of either alone was found to hold them against: Helfenstein et al. 1998 measured "
+    "four materials; Belgacem et al. 2020 (arXiv 2007.11445) and Mergny et al. 2025 (Astron. Astrophys. 693, L21) "
+    "twenty regions, whose numbers were not read. Their rows have the nearest that is "
+    "published. `surfaces/hapke_europa_global` is the published fit to the whole disc and not good for its parts: "
+    "Galileo saw limbs brighter and the middle of the disc darker than this fit at 0.42 and 0.56 µm and a phase of "
+    "2.1° (Clark et al. 1997, DPS 29, abstract, which has no numbers).", _compare)

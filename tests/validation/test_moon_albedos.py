@@ -1,0 +1,53 @@
+"""Every preset with a law of reflection has numbers beside it that it was not fitted to."""
+
+import numpy as np
+import pytest
+from icymoon.physics.surfaces import photometry
+from icymoon.validation import moon_albedos
+from icymoon.validation.comparison import OFF, Bench
+from icymoon.version import ROOT
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory):
+    return moon_albedos.COMPARISON.compare(Bench(tmp_path_factory.mktemp("bench")))
+
+
+@pytest.mark.parametrize("preset", sorted(path.stem for path in (ROOT / "presets" / "surfaces").glob("hapke_*.toml")))
+def test_every_preset_has_a_number_that_it_was_not_fitted_to(rows, preset):
+    own = [row for row in rows if f"`{preset}`" in row.quantity]
+    assert any(not row.fitted for row in own)
+    assert all(row.source and row.allowed > 0 and row.verdict != OFF for row in own)
+
+
+@pytest.mark.parametrize(("terrain", "share"), [("ridges", 0.25), ("bands", 0.5)])
+def test_mixtures_state_what_they_were_fitted_to_and_a_disc_of_them(rows, terrain, share):
+    fitted, _, disc = (row for row in rows if row.quantity.startswith(f"`hapke_europa_{terrain}`"))
+    assert fitted.fitted
+    assert "no measurement" in fitted.source
+    plains, dark, mixed = (moon_albedos.preset_law(f"surfaces/hapke_europa_{name}")
+                           for name in ("bright_plains", "dark_lineae", terrain))
+    ends = [moon_albedos.reflectance_at_five(law) for law in (plains, dark)]
+    assert fitted.theirs == pytest.approx(ends[0] + share * (ends[1] - ends[0]))
+    # The disc is between its two terrains, three tenths of the way.
+    bond = [photometry.bond_albedo(law) for law in (plains, mixed)]
+    assert (disc.ours - bond[0]) / (bond[1] - bond[0]) == pytest.approx(0.3)
+    assert not disc.fitted
+
+
+def test_brightness_of_europa_at_phases_that_the_page_states():
+    law = moon_albedos.preset_law("surfaces/hapke_europa_global")
+    found = photometry.disc_brightness(law, np.radians([0.2, 0.45, 1.0]))
+    assert found == pytest.approx([0.67, 0.64, 0.62], abs=0.005)
+
+
+def test_the_moons_curve_is_compared_beyond_its_surge(rows):
+    curve = [row for row in rows if row.unit == "mag"]
+    # Differences of Allen's polynomial, by hand: 0.78 + 0.00324 at 30°, 1.56 + 0.05184 at 60°.
+    assert curve[0].theirs == pytest.approx(1.61184 - 0.78324)
+    assert all(row.ours > 0 for row in curve)
+
+
+def test_reflectance_at_five_of_lamberts_law_is_its_albedo_by_the_cosine():
+    # I/F is pi times the radiance of ground under a Sun of irradiance 1 that faces it.
+    assert moon_albedos.reflectance_at_five(photometry.lunar_lambert(0.5, 0.0)) == pytest.approx(0.5)
