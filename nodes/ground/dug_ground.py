@@ -25,7 +25,7 @@ from ...physics.rocks.rocks import HeightAt
 from ...physics.terrain.terrain import Terrain
 from ...settings import changes
 from ...typed_settings import Settings
-from ..datablocks.blend_file_paths import with_absolute_files
+from ..datablocks.blend_file_paths import content, with_absolute_files
 from .terrain_mesh import MeshedGround, mesh_ground
 
 #: Attributes: depth of dug ground below the untouched surface in metres, and whether spoil lies there.
@@ -108,7 +108,7 @@ def mesh_whole_ground(make: Callable[[Settings], Terrain], settings: Settings) -
 def _key(settings: Settings) -> str:
     scene = {topic: dict(values) for topic, values in changes.scene(settings).items()}
     scene["excavation"]["state"] = 0
-    return json.dumps([scene, sites.gravity_m_s2(settings)], sort_keys=True)
+    return json.dumps([scene, sites.gravity_m_s2(settings), content(settings)], sort_keys=True)
 
 
 def _prepare(make: Callable[[Settings], Terrain], settings: Settings) -> _Prepared:

@@ -8,6 +8,7 @@ import math
 from dataclasses import dataclass
 
 from ...errors import IcyMoonError
+from ...files import absolute_path
 from ...typed_settings import ExcavationSettings, Settings
 from .cut import Pull, bounds_of
 from .grid import Grid, covering
@@ -64,7 +65,8 @@ def make_site(settings: Settings) -> Site:
         found, deepest = make_joint_pulls(settings)
         return _lay_out(settings.excavation, tuple(map(tuple, found)), [pull for each in found for pull in each],
                         deepest, gravity_m_s2(settings))
-    return _site(json.dumps({key: settings.excavation[key] for key in _OF_THE_SITE}), gravity_m_s2(settings))
+    return _site(json.dumps({key: settings.excavation[key] for key in _OF_THE_SITE}), gravity_m_s2(settings),
+                 _file_state(settings.excavation))
 
 
 #: Settings on which the site depends.
@@ -73,8 +75,19 @@ _OF_THE_SITE = ("path", "file", "start_x_m", "start_y_m", "heading_deg", "length
                 "heap_side", "heap_gap_m", "cell_m")
 
 
+def _file_state(excavation: ExcavationSettings) -> tuple[int, int] | None:
+    """Size and time of change of the file of a recorded path, which the user may edit; None without one to read."""
+    if excavation.path != RECORDED:
+        return None
+    try:
+        there = absolute_path(excavation.file, "excavation.file").stat()
+    except OSError:
+        return None  # reading it says why
+    return there.st_size, there.st_mtime_ns
+
+
 @functools.lru_cache(maxsize=16)
-def _site(key: str, gravity: float) -> Site:
+def _site(key: str, gravity: float, _state: tuple[int, int] | None) -> Site:
     excavation = ExcavationSettings(json.loads(key))
     pulls = tuple(map(tuple, make_pulls(excavation)))
     every = [pull for each in pulls for pull in each]

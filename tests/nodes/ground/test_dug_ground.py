@@ -74,6 +74,20 @@ def test_the_next_state_makes_no_new_ground(monkeypatch):
     assert made.state == 2
 
 
+@pytest.mark.parametrize("path", ["RECORDED", "JOINTS"])
+def test_a_path_that_is_edited_is_dug_anew(path, tmp_path):
+    file = tmp_path / "path.csv"
+    head, places = {"RECORDED": ("state,x_m,y_m,depth_m", ("1,0,2,{}", "1,0,1.9,{}", (0.04, 0.06))),
+                    "JOINTS": ("state,yaw_deg,shoulder_deg,elbow_deg,wrist_deg,roll_deg",
+                               ("1,0,20,-70,{},0", "1,1,20,-70,{},0", (-40, -41)))}[path]
+    taken = []
+    for value in places[2]:
+        file.write_text("\n".join([head, *(line.format(value) for line in places[:2])]), encoding="utf-8")
+        made = dug(path=path, file=str(file), states=2, state=1)
+        taken.append(made.series.site.deepest_m)
+    assert taken[0] != taken[1]
+
+
 def test_a_built_scene_records_what_was_dug():
     built = open_empty_scene(complete({"excavation": DUG | {"state": 1}}))
     assert built.excavation["taken_m3"] == pytest.approx(0.08 * 0.2 * 0.05, rel=1e-6)

@@ -116,7 +116,7 @@ def test_a_recorded_path_digs_what_a_line_digs(tmp_path):
     ("state,x_m,y_m,depth_m\n1,1e300,0,0\n", "line 2 is more than 10000 m"),
     ("state,x_m,y_m,depth_m\n1,0,0,1e30\n", "100 m deep"), ("state,x_m,y_m,depth_m\n1.5,0,0,0\n", "line 2"),
     ("state;x_m;y_m;depth_m\n1;0;0;0\n", "no column state"), ("", "no column state"),
-    ("state,x_m,y_m,depth_m\n" + "1,0,0,0\n" * 20_001, "20001 places")])
+    ("state,x_m,y_m,depth_m\n" + "1,0,0,0\n" * 20_001, "more than 20000 lines")])
 def test_a_bad_path_is_refused(tmp_path, text, message):
     file = tmp_path / "path.csv"
     file.write_text(text, encoding="utf-8")
@@ -168,6 +168,14 @@ def test_a_ring_has_the_volume_of_a_ring(tmp_path):
     # A polygon of 72 sides in place of a circle: 0.1 %; and cells of 5 mm with 16 places each. Without the sectors that
     # the turning blade sweeps, 7 % are missing, however many sides there are.
     assert facts["taken_m3"] == pytest.approx(0.04 * math.pi * (0.19**2 - 0.11**2), rel=0.004)
+
+
+def test_a_path_that_is_edited_is_read_again(tmp_path):
+    file = tmp_path / "path.csv"
+    for depth in (0.04, 0.06):
+        file.write_text(f"state,x_m,y_m,depth_m\n1,-0.1,0,{depth}\n1,0.1,0,{depth}\n", encoding="utf-8")
+        facts = series(path="RECORDED", file=str(file), chips_m=0.0, states=2).facts(1)
+        assert facts["deepest_m"] == pytest.approx(depth, abs=1e-9)
 
 
 def test_a_path_over_the_ground_digs_nothing_and_its_fix_is_in_the_file(tmp_path):
