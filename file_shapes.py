@@ -162,23 +162,33 @@ def read_record(path: Path, shape: Shape, fix: str) -> Any:
     return check_record(data, shape, path, fix)
 
 
-def read_number_lines(path: Path, columns: Sequence[str], setting: str) -> list[tuple[int, list[float] | None]]:
+def read_number_lines(path: Path, columns: Sequence[str], setting: str,
+                      most: int | None = None) -> list[tuple[int, list[float] | None]]:
     """The numbers of some columns of a CSV file whose first line names its columns: for each line that is not empty,
     its number in the file and its numbers, None if it has not one for each column.
 
-    Raises IcyMoonError if the file that ``setting`` names cannot be read, or lacks a column.
+    Raises IcyMoonError if the file that ``setting`` names cannot be read, lacks a column, or has more lines than
+    ``most``, of which no more are read.
     """
+    found: list[tuple[int, list[float] | None]] = []
     try:
-        lines = path.read_text(encoding="utf-8-sig").split("\n")
+        with path.open(encoding="utf-8-sig") as lines:
+            heads = [head.strip() for head in lines.readline().split(",")]
+            for column in columns:
+                if column not in heads:
+                    raise IcyMoonError(f"{path}: has no column {column}, {nearest(column, heads)} Its first line must "
+                                       f"name the columns {', '.join(columns)}.")
+            places = [heads.index(column) for column in columns]
+            for number, line in enumerate(lines, 2):
+                if not line.strip():
+                    continue
+                if len(found) == most:
+                    raise IcyMoonError(f"{path}: has more than {most} lines of numbers; leave out those that lie "
+                                       "evenly between their neighbours.")
+                found.append((number, _numbers_at(line.split(","), places)))
     except (OSError, UnicodeDecodeError) as error:
         raise IcyMoonError(f"{path}: cannot be read ({error}); check {setting}.") from None
-    heads = [head.strip() for head in lines[0].split(",")]
-    for column in columns:
-        if column not in heads:
-            raise IcyMoonError(f"{path}: has no column {column}, {nearest(column, heads)} Its first line must name the "
-                               f"columns {', '.join(columns)}.")
-    places = [heads.index(column) for column in columns]
-    return [(number, _numbers_at(line.split(","), places)) for number, line in enumerate(lines[1:], 2) if line.strip()]
+    return found
 
 
 def _numbers_at(cells: Sequence[str], places: Sequence[int]) -> list[float] | None:

@@ -21,7 +21,7 @@ from ..arm.lander_arm import arm_of, is_own
 from ..arm.own_arm import OwnArm, own_arm
 from ..terrain.sites import make_rocky_ground
 from .cut import Pull
-from .paths import pulls_through
+from .paths import MOST_PLACES, pulls_through
 
 #: Between two recorded lines the joints turn evenly, in steps of at most this many degrees (or centimetres).
 _STEP_DEG = 1.0
@@ -43,10 +43,11 @@ def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
     if (beyond := table[:, 0].max()) >= states:
         raise IcyMoonError(f"{path}: has a state {beyond:g}, but excavation.states is {states}, so that the last is "
                            f"{states - 1}; raise excavation.states.")
-    made: list[list[Pull]] = []
-    for state in range(1, states):
-        places = _places(arm, own, table[table[:, 0] == state, 1:])
-        made.append(pulls_through(places, width))
+    poses = [_between_poses(table[table[:, 0] == state, 1:]) for state in range(1, states)]
+    if (places := sum(map(len, poses))) > MOST_PLACES:
+        raise IcyMoonError(f"{path}: its joints turn so far that the blade has {places} places, a degree apart, more "
+                           f"than {MOST_PLACES}; keep the poses in which it digs.")
+    made = [pulls_through(_places(arm, own, each), width) for each in poses]
     if not any(made):
         raise IcyMoonError(f"{path}: has no state from 1 in which the scoop's tip moves; give the joints of its path.")
     return keep_near_ground(settings, made)
@@ -74,7 +75,7 @@ def _read(path: Path, arm: Arm, own: OwnArm | None) -> np.ndarray:
     moving = [joint for joint in arm.joints if own is None or joint.name in own.names]
     columns = ("state", *(f"{joint.name}_m" if joint.slides else f"{joint.name}_deg" for joint in moving))
     rows = []
-    for number, row in read_number_lines(path, columns, "excavation.file"):
+    for number, row in read_number_lines(path, columns, "excavation.file", MOST_PLACES):
         if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
             raise IcyMoonError(f"{path}: line {number} is no pose of the arm; give a whole state from 1, and "
                                f"{', '.join(columns[1:])}.")
@@ -96,13 +97,16 @@ def _beyond(joint: Joint, value: float) -> str:
             f"{scale * joint.high:.4g}{unit}")
 
 
-def _places(arm: Arm, own: OwnArm | None, rows: np.ndarray) -> list[np.ndarray]:
-    """East, north and depth (3,) of the tip along the recorded poses."""
-    if not len(rows):
-        return []
+def _between_poses(rows: np.ndarray) -> np.ndarray:
+    """The joints (k, joints) of recorded poses (n, joints), and between them in steps of a degree."""
     steps = [rows[:1]]
     for a, b in itertools.pairwise(rows):
         count = max(1, math.ceil(float(np.degrees(np.abs(b - a)).max()) / _STEP_DEG))
         steps.append(a + np.linspace(0.0, 1.0, count + 1)[1:, None] * (b - a))
-    tips = [tip_of(arm, values if own is None else own.values(values)) for values in np.concatenate(steps)]
+    return np.concatenate(steps)
+
+
+def _places(arm: Arm, own: OwnArm | None, poses: np.ndarray) -> list[np.ndarray]:
+    """East, north and depth (3,) of the tip in each of the poses."""
+    tips = [tip_of(arm, values if own is None else own.values(values)) for values in poses]
     return [tip * (1.0, 1.0, -1.0) for tip in tips]

@@ -101,11 +101,7 @@ def read_path(path: Path) -> np.ndarray:
     Raises IcyMoonError if the file is missing, or a column, or a number, if one is out of range, or there are too many.
     """
     rows = []
-    lines = read_number_lines(path, COLUMNS, "excavation.file")
-    if len(lines) > MOST_PLACES:
-        raise IcyMoonError(f"{path}: has {len(lines)} places of the blade, more than {MOST_PLACES}; leave out those "
-                           "between which it goes straight.")
-    for number, row in lines:
+    for number, row in read_number_lines(path, COLUMNS, "excavation.file", MOST_PLACES):
         if row is None or not all(map(math.isfinite, row)) or row[0] < 1 or row[0] != int(row[0]):
             raise IcyMoonError(f"{path}: line {number} is no place of the blade; give a whole state from 1, and "
                                "x_m, y_m and depth_m in metres.")

@@ -75,7 +75,10 @@ def test_a_line_beyond_a_limit_is_named_by_its_number(tmp_path):
     ("state,yaw_deg\n1,0\n", "no column shoulder_deg"), (HEAD, "no line of numbers"),
     (HEAD + "1,0,20,-70,x,0\n", "line 2 is no pose"), (HEAD + "0,0,20,-70,-40,0\n", "line 2 is no pose"),
     (HEAD + "1,0,20,-70,nan,0\n", "line 2 is no pose"), (HEAD + "7,0,20,-70,-40,0\n", "raise excavation.states"),
-    (HEAD + "1,0,20,-70,-40,0\n", "in which the scoop's tip moves")])
+    (HEAD + "1,0,20,-70,-40,0\n", "in which the scoop's tip moves"),
+    (HEAD + "1,0,20,-70,-40,0\n" * 20_001, "more than 20000 lines"),
+    # 399 turns of 100 degrees there and back: each line is fine, and they are 39 900 steps of a degree.
+    (HEAD + "1,-50,20,-70,-40,0\n1,50,20,-70,-40,0\n" * 200, "has 39901 places, a degree apart, more than 20000")])
 def test_a_bad_file_is_a_sentence(tmp_path, text, words):
     file = tmp_path / "joints.csv"
     file.write_text(text, encoding="utf-8")
