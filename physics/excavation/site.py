@@ -203,6 +203,6 @@ def advice(settings: Settings) -> list[str]:
         said.append("Trench or heap are under the camera, which stays as high as over the untouched ground; move "
                     "excavation.start_x_m or excavation.start_y_m.")
     if settings.rocks.coverage > 0:
-        said.append("Rocks in the trench are not taken away: one that loses its support rolls to rest in it; others "
-                    "stay where they lay, as does what spoil falls on.")
+        said.append("Rocks in the trench are not taken away: one that loses its support rolls to rest in it and pushes "
+                    "no other; others stay where they lay, as does what spoil falls on.")
     return said

@@ -2,8 +2,9 @@
 
 A simplification, without dynamics: a rock tips where its middle is no longer over the convex hull of what is left of
 the ground under it. It then goes down the ground's slope under its footprint by quarters of its diameter, until that is
-gentle or the ground falls no more, turns with the slope there, and is lowered until it touches the ground. The same
-rocks and ground give the same result. Rocks do not meet each other, and are no part of what is dug.
+gentle, the ground falls no more, or another rock is in its way, turns with the slope there, and is lowered until it
+touches the ground. Rocks meet as balls of their diameters, seen from above; a rock goes over those of less than half
+its size. The lowest go first. The same rocks and ground give the same result. Rocks are no part of what is dug.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ _LOST_M = 2.0e-3
 _RINGS, _ROUND = (0.15, 0.3, 0.45), 16
 #: A rock rolls on while the ground falls by more than this, in steps of this share of its diameter, at most so often.
 _ROLLS_DEG, _STEP, _MOST_STEPS = 20.0, 0.25, 60
+#: Share of a rock's diameter from which on another rock is in its way.
+_IN_THE_WAY = 0.5
 
 ChangeAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
@@ -61,15 +64,24 @@ def settle_rocks(rocks: Rocks, change_m: ChangeAt, surface: HeightAt,
     falls = find_unsupported(rocks, change_m)
     if not len(falls):
         return rocks, 0
-    places = np.array([_roll(rocks.position_m[k, :2], float(rocks.diameter_m[k]), surface) for k in falls])
-    position, rotation = rest_on(rocks, falls, places, surface, lambda x, y: surface(x, y) - change_m(x, y), shapes)
+    places = rocks.position_m[:, :2].copy()
+    for k in falls[np.argsort(surface(*places[falls].T), kind="stable")]:
+        places[k] = _roll(places, int(k), rocks.diameter_m, surface)
+    position, rotation = rest_on(rocks, falls, places[falls], surface, lambda x, y: surface(x, y) - change_m(x, y),
+                                 shapes)
     all_positions, all_rotations = rocks.position_m.copy(), rocks.rotation.copy()
     all_positions[falls], all_rotations[falls] = position, rotation
     return replace(rocks, position_m=all_positions, rotation=all_rotations), len(falls)
 
 
-def _roll(place: np.ndarray, diameter: float, surface: HeightAt) -> np.ndarray:
-    """Where a rock comes to rest, from where it lay (2,): east and north in metres."""
+def _roll(places: np.ndarray, rock: int, diameters: np.ndarray, surface: HeightAt) -> np.ndarray:
+    """Where a rock comes to rest, from where all rocks are (n, 2): east and north in metres."""
+    place, diameter = places[rock], float(diameters[rock])
+    touch = 0.5 * (diameters + diameter)
+    near = (diameters >= _IN_THE_WAY * diameter) & (
+        np.hypot(*(places - place).T) < _MOST_STEPS * _STEP * diameter + touch)
+    near[rock] = False
+    others, touch = places[near], touch[near]
     turn = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
     dx, dy = 0.45 * diameter * np.cos(turn), 0.45 * diameter * np.sin(turn)
 
@@ -86,7 +98,8 @@ def _roll(place: np.ndarray, diameter: float, surface: HeightAt) -> np.ndarray:
             break
         following = at + _STEP * diameter * fall / steep
         lower, next_fall = ground(following)
-        if not lower < height:
+        apart = np.hypot(*(others - following).T)
+        if not lower < height or ((apart < touch) & (apart < np.hypot(*(others - at).T))).any():
             break
         at, height, fall = following, lower, next_fall
     return at

@@ -72,3 +72,41 @@ def test_without_a_trench_nothing_moves():
     after, moved = settle_rocks(before, lambda x, y: 0.01 + 0.0 * x * y, lambda x, y: 0.0 * x * y, SHAPES)
     assert moved == 0
     assert after is before
+
+
+def test_rocks_that_roll_meet_and_do_not_overlap():
+    # Two slopes of 38 degrees that meet in a line: what rolls comes to it from both sides.
+    steep = np.tan(np.radians(38.0))
+
+    def surface(x, y):
+        return -np.maximum(0.4 - np.abs(x), 0.0) * steep + 0.0 * y
+
+    random = np.random.default_rng(4)
+    east, north = np.meshgrid(np.linspace(-0.35, 0.35, 6), np.linspace(0.0, 0.5, 5))
+    before = rocks_at(*zip(east.ravel(), (north + random.uniform(-0.02, 0.02, north.shape)).ravel(), strict=True))
+    after, moved = settle_rocks(before, surface, surface, SHAPES)
+    assert moved == len(before.diameter_m)
+    apart, were = (np.hypot(*(each.position_m[:, None, :2] - each.position_m[None, :, :2]).transpose(2, 0, 1))
+                   for each in (after, before))
+    other = ~np.eye(moved, dtype=bool)
+    assert (apart >= np.minimum(were, 0.1))[other].all()
+    assert np.abs(after.position_m[:, 0]).max() < np.abs(before.position_m[:, 0]).max()  # they did roll
+    # One alone goes to the line, to a quarter of its diameter.
+    alone, _ = settle_rocks(rocks_at((0.35, 0.0)), surface, surface, SHAPES)
+    assert abs(alone.position_m[0, 0]) < 0.025
+
+
+def test_a_rock_goes_over_pebbles_but_not_over_its_like():
+    steep = np.tan(np.radians(38.0))
+
+    def surface(x, y):
+        return -np.clip(x * steep, 0.0, 0.4 * steep) + 0.0 * y
+
+    ends = []
+    for size in (0.04, 0.06):
+        rocks = rocks_at((0.05, 0.0), (0.3, 0.0))
+        rocks.diameter_m[1] = size
+        after, _ = settle_rocks(rocks, lambda x, y: np.where(x < 0.2, surface(x, y), 0.0), surface, SHAPES)
+        ends.append(after.position_m[0, 0])
+    assert ends[0] > 0.35
+    assert 0.195 < ends[1] <= 0.22  # 8 cm from middle to middle, and a step before that
