@@ -22,6 +22,9 @@ from .painted_errors import ROLE, add_colours, begin, corners_of, find, to_world
 
 NAME = "Icy Moon Decisions"
 SITE, REACH = "Chosen Site", "Reach"
+#: Linear colours of the marks, which no map has, and what a legend states of them, with its icon.
+_MARKS = {SITE: ((1.0, 0.0, 0.6, 1.0), "Ring: the chosen site, pink", "COLORSET_05_VEC"),
+          REACH: ((0.0, 0.6, 1.0, 1.0), "Line: the reach of the arm, light blue", "COLORSET_08_VEC")}
 #: The maps, as what a legend calls them.
 TITLES = {SUITABILITY: "Suitability", SLOPE: "Slope", HEIGHT_ERROR: "Height error"}
 _COUNTS = "icymoon_cells"  # custom property of the collection
@@ -46,7 +49,8 @@ def paint(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -
         raise IcyMoonError("No vertex of the ground is within the workspace of these decisions; press Build Scene, or "
                            "raise terrain.resolution.")
     collection = begin(scene, mesh, NAME)
-    collection[_COUNTS] = {**count_cells(stored), "title": title, "map": stored.kind}
+    there = {SITE: stored.chosen is not None, REACH: stored.reach is not None and bool(stored.reach.any())}
+    collection[_COUNTS] = {**count_cells(stored), **there, "title": title, "map": stored.kind}
     colours = np.full((len(cell), 3), SKY_GREY, np.uint8)
     colours[inside] = colour_cells(stored).reshape(-1, 3)[cell[inside]]
     set_colours(add_colours(mesh), colours)
@@ -54,21 +58,30 @@ def paint(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -
         set_colours(add_colours(shape), np.full((len(shape.vertices), 3), SKY_GREY, np.uint8))
     if stored.chosen is not None:
         _link(collection, _site(stored, *stored.chosen))
-    if stored.reach is not None and stored.reach.any():
+    if stored.reach is not None and there[REACH]:
         _link(collection, _reach(stored, stored.reach))
     return collection
 
 
-def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
-    """The meaning of the colours, with the share of the workspace of each: (text, icon) of each line."""
+def shown_map(scene: bpy.types.Scene) -> tuple[str, str]:
+    """The title and the kind of the map that is shown; both empty if none is."""
     collection = find(scene)
     stored: Any = collection.get(_COUNTS) if collection else None
     kind = stored.get("map") if hasattr(stored, "items") else None
-    if kind not in TITLES:
+    return (str(stored.get("title")), str(kind)) if kind in TITLES else ("", "")
+
+
+def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
+    """The meaning of the colours, with the share of the workspace of each, and of the marks: (text, icon) by line."""
+    title, kind = shown_map(scene)
+    collection = find(scene)
+    if not kind or collection is None:
         return ()
+    stored = collection[_COUNTS]
     counts = {key: stored[key] for key in KINDS[kind] if isinstance(stored.get(key), int)}
-    return (*shares(f"{TITLES[kind]} by {stored.get('title')}", counts,
+    return (*shares(f"{TITLES[kind]} by {title}", counts,
                     {key: (text, _ICONS[key]) for key, text in KINDS[kind].items()}, max(1, sum(counts.values()))),
+            *((text, icon) for mark, (_, text, icon) in _MARKS.items() if stored.get(mark)),
             ("Rocks, and beyond the workspace, dark; a lander, white", "BLANK1"))
 
 
@@ -104,7 +117,9 @@ def _draw_lines(name: str, ways: list[np.ndarray]) -> bpy.types.Object:
         spline.points.add(len(way) - 1)
         spline.points.foreach_set("co", np.pad(way, ((0, 0), (0, 1)), constant_values=1.0).astype(np.float32).ravel())
         spline.use_cyclic_u = True
-    return bpy.data.objects.new(name, curve)
+    item = bpy.data.objects.new(name, curve)
+    item.color = _MARKS[name][0]  # that of what has no colours of vertices, where the view shows these
+    return item
 
 
 def _on_ground(stored: StoredMap, place: np.ndarray) -> np.ndarray:

@@ -13,18 +13,25 @@ from .fields import draw_sentence
 
 
 def draw_decisions(layout: Any, scene: bpy.types.Scene) -> None:
-    """Draw a button for each map of each matcher that has decisions, and what is shown; nothing without any."""
+    """Draw a button for each map of each matcher that has decisions; below those of the matcher that is shown what its
+    colours mean, near the eye and so that no button moves from under the mouse. Nothing without decisions."""
+    shown, meanings = painted_decisions.shown_map(scene), painted_decisions.legend(scene)
     for method in decided_methods(scene):
         box = layout.box().column(align=True)
         name = describe_method(method)
         box.label(text=name[:1].upper() + name[1:])  # "true depth" is a title here
         buttons = box.row(align=True)
         for kind, text, _ in MAPS:
-            button = buttons.operator("icymoon.paint_decisions", text=text)
+            button = buttons.operator("icymoon.paint_decisions", text=text, depress=shown == (name, kind))
             button.method, button.map = method, kind
-    meanings = painted_decisions.legend(scene)
-    if meanings:
-        layout.operator("icymoon.hide_decisions", icon="X")
-        column = layout.column(align=True)
-        for meaning, icon in meanings:
-            draw_sentence(column, meaning, icon)
+        if shown[0] == name:
+            _draw_legend(box, meanings)
+            meanings = ()
+    if meanings:  # of a matcher whose decisions are no longer there
+        _draw_legend(layout.column(align=True), meanings)
+
+
+def _draw_legend(column: Any, meanings: tuple[tuple[str, str], ...]) -> None:
+    for meaning, icon in meanings:
+        draw_sentence(column, meaning, icon)
+    column.operator("icymoon.hide_decisions", icon="X")

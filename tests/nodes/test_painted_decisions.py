@@ -99,9 +99,16 @@ def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
     np.testing.assert_allclose(place.max(axis=0)[:2], (-1.5 + 25 * CELL_M, 1.0 - 2 * CELL_M), atol=1e-6)
     assert site.hide_render
     assert reach.hide_render
+    marks = [text for text, _ in painted_decisions.legend(bpy.context.scene) if text.startswith(("Ring", "Line"))]
+    assert len(marks) == 2
+    assert marks[0].endswith("pink")
+    assert marks[1].endswith("light blue")
+    assert min(site.color[0], reach.color[2]) > 0.9  # red and blue at their most
+    assert max(site.color[1], reach.color[0]) < 0.1
     none = painted_decisions.paint(bpy.context.scene, built, replace(made(), chosen=None, reach=None), "bm")
     assert not none.objects
     assert "Reach" not in bpy.data.curves
+    assert not any(text.startswith(("Ring", "Line")) for text, _ in painted_decisions.legend(bpy.context.scene))
 
 
 @pytest.mark.heavy
@@ -145,8 +152,8 @@ def test_from_a_pair_to_the_button(shown):
         assert bpy.ops.icymoon.paint_decisions(method="bm", map=kind) == {"FINISHED"}
         lines = painted_decisions.legend(scene)
         assert lines[0][0] == f"{title} by StereoBM"
-        assert sum(float(text.rpartition(": ")[2].removesuffix(" %")) for text, _ in lines[1:-1]) == pytest.approx(
-            100, abs=0.2)
+        shares = [text.rpartition(": ")[2].removesuffix(" %") for text, _ in lines if text.endswith(" %")]
+        assert sum(map(float, shares)) == pytest.approx(100, abs=0.2)
         icons = bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items.keys()
         assert {icon for _, icon in lines} <= set(icons)
         assert painted_errors.legend(scene) == ()
