@@ -98,24 +98,27 @@ def names_that_vary() -> list[str]:
 
 def vary_around(name: str, value: Any) -> VariedSetting:
     """A setting that varies about its present value: numbers from half of it to twice it, or if it is 0 a quarter of
-    its slider's range; all values of a choice."""
+    its slider's range, and within that range where the value is; all values of a choice.
+
+    Whole numbers have as many values as are asked for at first, if the range contains so many.
+    """
     setting = VariedSetting(name).setting
     if setting.kind == "choice":
         return VariedSetting(name, values=tuple(choice[0] for choice in setting.choices))
     if setting.kind == "bool":
         return VariedSetting(name)
     low, high = setting.soft or (setting.minimum, setting.maximum)
+    if not low <= value <= high:
+        low, high = setting.minimum, setting.maximum
     ends = sorted((value / 2, value * 2)) if value else (0.0 if low >= 0 else low / 4, high / 4)
-    first, last = (_within(setting, _rounded(setting, end, 3)) for end in ends)
-    if first == last:  # a whole number, or one at the end of its range
-        first, last = _within(setting, first - 1), _within(setting, last + 1)
+    first, last = (min(max(_rounded(setting, end, 3), low), high) for end in ends)
+    if setting.kind == "int":
+        last = min(max(last, first + VariedSetting.count - 1), high)
+        first = max(min(first, last - VariedSetting.count + 1), low)
+        return VariedSetting(name, int(first), int(last))
+    if first == last:  # at the end of its range
+        first, last = max(first - 1, low), min(last + 1, high)
     return VariedSetting(name, first, last)
-
-
-def _within(setting: Setting, value: float) -> float:
-    """The nearest value that the setting accepts."""
-    nearest_value = min(max(value, setting.minimum), setting.maximum)
-    return int(nearest_value) if setting.kind == "int" else nearest_value
 
 
 def _rounded(setting: Setting, value: float, digits: int = 6) -> float:

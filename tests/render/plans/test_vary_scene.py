@@ -249,6 +249,20 @@ def test_every_setting_varies_around_its_default_or_says_why_not():
         assert len(values) > 1
         if setting.kind in ("int", "float"):
             assert min(values) <= described[topic][setting.key] <= max(values)
+            low, high = setting.soft or (setting.minimum, setting.maximum)
+            assert low <= min(values), name
+            assert max(values) <= high, name
+            assert len(values) == 5 or (setting.kind == "int" and high - low < 4), name
+
+
+@pytest.mark.parametrize("value", [1, 2, 6])
+def test_a_small_whole_number_has_five_values(value):
+    assert len(list_values(vary_around("ridges.sets", value))) == 5
+
+
+def test_a_value_beyond_the_slider_keeps_its_place():
+    varied = vary_around("light.sun_temperature_k", 30000.0)
+    assert varied.first <= 30000.0 <= varied.last
 
 
 def test_what_changes_the_picture_can_vary_but_for_texts_and_lists():
