@@ -61,6 +61,99 @@ class ICYMOON_MT_presets(bpy.types.Menu):
                 self.layout.menu(name)
 
 
+class ICYMOON_MT_settings_files(bpy.types.Menu):
+    """Load and save presets and settings"""
+
+    bl_idname = "ICYMOON_MT_settings_files"
+    bl_label = "Load and Save"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("icymoon.load_preset", text="Load Preset…")
+        layout.operator("icymoon.add_preset", text="Add Preset…")
+        layout.operator("icymoon.remove_preset", text="Remove Preset…")
+        layout.separator()
+        layout.operator("icymoon.load_settings", text="Load Settings…")
+        layout.operator("icymoon.save_settings", text="Save Settings…")
+
+
+class ICYMOON_MT_quality(bpy.types.Menu):
+    """Measure how many samples a scene needs"""
+
+    bl_idname = "ICYMOON_MT_quality"
+    bl_label = "Quality and Speed"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("icymoon.auto_quality", text="Find Cheapest Quality…")
+        layout.operator("icymoon.trade", text="Compare Qualities…")
+        layout.operator("icymoon.measure_machine")
+
+
+class ICYMOON_MT_dataset(bpy.types.Menu):
+    """Vary this scene, and render data sets"""
+
+    bl_idname = "ICYMOON_MT_dataset"
+    bl_label = "Data Set"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("icymoon.vary", text="Vary or Sweep a Setting…")
+        layout.operator("icymoon.show_ends")
+        layout.operator("icymoon.render_variations").folder = ""
+        layout.operator("icymoon.save_plan", text="Save Plan…")
+        layout.operator("icymoon.show_curve")
+        layout.separator()
+        layout.operator("icymoon.choose_plan", text="Choose Plan…")
+        layout.operator("icymoon.open_plan", text="Open Plan…")
+        layout.operator("icymoon.plan_dry_run")
+        layout.operator("icymoon.render_dataset")
+        layout.operator("icymoon.watch_dataset")
+        layout.operator("icymoon.show_last_pair")
+        layout.separator()
+        layout.operator("icymoon.evaluate", text="Evaluate Whole Data Set").scope = "DATASET"
+        layout.operator("icymoon.evaluate_folder", text="Evaluate Other Pairs…")
+
+
+class ICYMOON_MT_results(bpy.types.Menu):
+    """Show what was measured, and remove it from the view"""
+
+    bl_idname = "ICYMOON_MT_results"
+    bl_label = "Results"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("icymoon.open_report")
+        layout.operator("icymoon.show_error")
+        layout.operator("icymoon.show_surface", text="Show Measured Surface or Point Cloud").method = ""
+        layout.operator("icymoon.paint_errors").method = ""
+        layout.operator("icymoon.hide_surface")
+        layout.separator()
+        layout.operator("icymoon.paint_decisions").method = ""
+        layout.operator("icymoon.hide_decisions")
+
+
+class ICYMOON_MT_set_up(bpy.types.Menu):
+    """Install and check what Icy Moon works with"""
+
+    bl_idname = "ICYMOON_MT_set_up"
+    bl_label = "Set Up"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("icymoon.check_evaluator")
+        if can_install_evaluator():
+            layout.operator("icymoon.install_evaluator")
+        layout.separator()
+        layout.operator("icymoon.make_asset_library")
+        layout.operator("icymoon.remove_asset_library")
+
+
 class ICYMOON_MT_icymoon(bpy.types.Menu):
     """All commands of Icy Moon"""
 
@@ -71,11 +164,7 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
         layout.menu(ICYMOON_MT_presets.bl_idname)
-        layout.operator("icymoon.load_preset", text="Load Preset…")
-        layout.operator("icymoon.add_preset", text="Add Preset…")
-        layout.operator("icymoon.remove_preset", text="Remove Preset…")
-        layout.operator("icymoon.load_settings", text="Load Settings…")
-        layout.operator("icymoon.save_settings", text="Save Settings…")
+        layout.menu(ICYMOON_MT_settings_files.bl_idname)
         layout.separator()
         layout.operator("icymoon.import_ground", text="Import Ground…")
         layout.operator("icymoon.build_scene")
@@ -86,41 +175,11 @@ class ICYMOON_MT_icymoon(bpy.types.Menu):
         layout.operator_menu_enum("icymoon.show_pair", "view")
         layout.operator("icymoon.expose")
         layout.operator("icymoon.evaluate", text="Evaluate Stereo Pair").scope = "SCENE"
-        layout.operator("icymoon.evaluate", text="Evaluate Whole Data Set").scope = "DATASET"
-        layout.operator("icymoon.evaluate_folder", text="Evaluate Other Pairs…")
         layout.operator("icymoon.decide")
-        layout.operator("icymoon.auto_quality", text="Find Cheapest Quality…")
-        layout.operator("icymoon.trade", text="Compare Qualities…")
-        layout.operator("icymoon.measure_machine")
+        layout.operator("icymoon.cancel", text="Cancel or Stop")
         layout.separator()
-        layout.operator("icymoon.vary", text="Vary…")
-        layout.operator("icymoon.show_ends")
-        layout.operator("icymoon.render_variations").folder = ""
-        layout.operator("icymoon.save_plan", text="Save Plan…")
-        layout.operator("icymoon.show_curve")
-        layout.operator("icymoon.choose_plan", text="Choose Plan…")
-        layout.operator("icymoon.open_plan", text="Open Plan…")
-        layout.operator("icymoon.plan_dry_run")
-        layout.operator("icymoon.render_dataset")
-        layout.operator("icymoon.watch_dataset")
-        layout.operator("icymoon.show_last_pair")
-        layout.separator()
-        layout.operator("icymoon.cancel")
-        layout.separator()
-        layout.operator("icymoon.open_report")
-        layout.operator("icymoon.show_error")
-        layout.operator("icymoon.show_surface").method = ""
-        layout.operator("icymoon.paint_errors").method = ""
-        layout.operator("icymoon.hide_surface")
-        layout.operator("icymoon.paint_decisions").method = ""
-        layout.operator("icymoon.hide_decisions")
-        layout.separator()
-        layout.operator("icymoon.check_evaluator")
-        if can_install_evaluator():
-            layout.operator("icymoon.install_evaluator")
-        layout.separator()
-        layout.operator("icymoon.make_asset_library")
-        layout.operator("icymoon.remove_asset_library")
+        for menu in (ICYMOON_MT_quality, ICYMOON_MT_dataset, ICYMOON_MT_results, ICYMOON_MT_set_up):
+            layout.menu(menu.bl_idname)
         layout.separator()
         layout.operator("icymoon.open_manual", icon="HELP")
 
@@ -173,7 +232,8 @@ def _remove_from_status_bar() -> None:
             functions.remove(_draw_status)
 
 
-CLASSES = (*_KIND_MENUS, ICYMOON_MT_presets, ICYMOON_MT_icymoon)
+CLASSES = (*_KIND_MENUS, ICYMOON_MT_presets, ICYMOON_MT_settings_files, ICYMOON_MT_quality, ICYMOON_MT_dataset,
+           ICYMOON_MT_results, ICYMOON_MT_set_up, ICYMOON_MT_icymoon)
 
 
 def register() -> None:

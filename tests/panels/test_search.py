@@ -24,7 +24,10 @@ SOUGHT = {"Render Stereo Pair": "icymoon.render_pair", "Evaluate Stereo": "icymo
           "save settings": "icymoon.save_settings", "import ground": "icymoon.import_ground",
           "cheapest quality": "icymoon.auto_quality", "compare qualities": "icymoon.trade",
           "asset library": "icymoon.make_asset_library", "other pairs": "icymoon.evaluate_folder",
-          "whole data set": "icymoon.evaluate", "save plan": "icymoon.save_plan", "cancel": "icymoon.cancel"}
+          "whole data set": "icymoon.evaluate", "save plan": "icymoon.save_plan", "cancel": "icymoon.cancel",
+          "stop": "icymoon.cancel", "sweep": "icymoon.vary", "point cloud": "icymoon.show_surface"}
+#: Rows of a menu that fit a screen of 1080 pixels with its bars, at 24 pixels each as Blender draws them.
+MOST_ROWS = 36
 #: Commands that need what is selected in a list or under the mouse, and those of the page of preferences.
 IN_PANELS_ONLY = {"icymoon.layer_add", "icymoon.layer_remove", "icymoon.layer_move", "icymoon.variation_remove",
                   "icymoon.variation_move", "icymoon.toggle_matcher", "icymoon.show_roughness", "icymoon.wait",
@@ -67,6 +70,11 @@ def found_by(typed: str, found: list[tuple[str, str]]) -> set[str]:
     words = typed.lower().split()
     return {started for started, text in found
             if all(any(part.startswith(word) for part in text.lower().split()) for word in words)}
+
+
+def test_every_menu_fits_the_screen(scene):
+    menus: list[Any] = [cls for cls in menu.CLASSES if issubclass(cls, bpy.types.Menu)]
+    assert {cls.bl_idname: len(drawn(cls)) for cls in menus if len(drawn(cls)) > MOST_ROWS} == {}
 
 
 @pytest.mark.parametrize("typed", SOUGHT)
