@@ -1,7 +1,7 @@
 """Which settings have an effect, given the other settings.
 
-A setting that a choice rules out is hidden. One that a number or a tick turns off is grey: fields must not move while
-the user drags a number.
+A setting that a choice rules out is hidden, and so is the exposure that is not used. Any other that a number or a tick
+turns off is grey: fields must not move while the user drags a number.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ _MONOCHROME_ONLY = {"band_centre_nm", "band_width_nm", "band_weights", "quantum_
 _MOSAIC_ONLY = {"bayer_pattern", "demosaicing", "white_balance", "grey", "filter_leak", "cut_on_nm", "cut_off_nm",
                 *(f"{colour}_{key}" for colour in ("red", "green", "blue")
                   for key in ("centre_nm", "half_width_nm", "efficiency"))}
+#: Settings of the exposure, and whether it must be automatic for them to have an effect.
+_EXPOSURES = {"auto_percentile": True, "auto_target": True, "exposure_s": False}
 #: Reflectance laws that use ``quality.fine_relief``.
 _WITH_NORMAL = ("LAMBERT", "PRINCIPLED")
 #: Settings of rocks, and the laws of sizes that use them.
@@ -75,6 +77,8 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
                   "patch_raggedness": group.model == "PRINCIPLED" or group.dirt != "BLACK",
                   "albedo": group.model != "HAPKE", "lommel_seeliger_share": group.model == "LUNAR_LAMBERT"}
         return models.get(key, key not in _PRINCIPLED_ONLY or group.model == "PRINCIPLED")
+    if topic == "sensor" and key in _EXPOSURES:
+        return bool(_EXPOSURES[key] == group.auto_exposure)
     if topic == "sensor":
         return key not in (_MOSAIC_ONLY if group.colour == "MONO" else _MONOCHROME_ONLY)
     if topic == "textures" and key != "set":
@@ -171,8 +175,7 @@ def _light_has_effect(key: str, group: Any) -> bool:
 
 
 def _sensor_has_effect(key: str, group: Any) -> bool:
-    on = {"auto_percentile": group.auto_exposure, "auto_target": group.auto_exposure,
-          "exposure_s": not group.auto_exposure, "bracket_stops": group.brackets > 1,
+    on = {"bracket_stops": group.brackets > 1,
           "radiation_depth_um": group.radiation_flux_cm2_s > 0, "radiation_e_per_um": group.radiation_flux_cm2_s > 0}
     return bool(on.get(key, True))
 

@@ -98,7 +98,7 @@ CHOICES = ({}, {"source.kind": "MESH", "source.detail": True}, {"source.kind": "
            {"sensor.colour": "BAYER"}, {"textures.set": "OWN"}, {"textures.set": "STAND_IN", "source.kind": "STAND_IN"},
            {"light.directions_from": "KERNELS"}, {"dataset.plan": "//plan.toml"}, {"quality.indirect": "BAKED"},
            {"lander.kind": "PARAMETRIC"}, {"lander.kind": "OWN"}, {"excavation.path": "ARC"},
-           {"excavation.path": "RECORDED"})
+           {"excavation.path": "RECORDED"}, {"sensor.auto_exposure": False})
 
 
 def set_choices(root: object, chosen: dict) -> None:

@@ -54,20 +54,27 @@ def test_a_number_of_hapke_s_law_is_grey_where_another_changes_no_brightness(sta
 @pytest.mark.parametrize(("key", "other"), [
     ("auto_percentile", 0.5), ("auto_target", 0.3), ("exposure_s", 0.7), ("bracket_stops", 5.0),
     ("radiation_depth_um", 99.0), ("radiation_e_per_um", 9.0)])
-def test_a_setting_of_exposure_or_radiation_is_grey_where_it_changes_no_exposure(state, key, other):
+def test_a_setting_of_exposure_or_radiation_is_hidden_or_grey_where_it_changes_no_exposure(state, key, other):
     def exposures(**changes):
         response = defaults().sensor | state | changes
         times = exposure_times(exposure_s(np.linspace(0.0, 1.0, 99), 1e4, response), response)
         return [*times, draw_hits(response, (30, 40), 1e-5, 10.0, np.random.default_rng(0)).sum()]
 
-    assert has_effect("sensor", key, root(sensor=state)) == (exposures(**{key: other}) != exposures())
+    assert (key in relevant("sensor", {"sensor": state})) == (exposures(**{key: other}) != exposures())
 
 
 @pytest.mark.parametrize("flux", [0.5, 1e5])
 def test_radiation_and_what_depends_on_nothing_is_never_grey(flux):
     state = {"sensor": {"auto_exposure": False, "brackets": 3, "radiation_flux_cm2_s": flux}}
     shown = {setting.key for setting in TOPICS["sensor"].settings if is_shown("sensor", setting.key, root(**state))}
-    assert relevant("sensor", state) == shown - {"auto_percentile", "auto_target"}
+    assert relevant("sensor", state) == shown
+
+
+@pytest.mark.parametrize("automatic", [True, False])
+def test_only_the_exposure_that_is_used_is_shown(automatic):
+    of_scene = root(sensor={"auto_exposure": automatic})
+    for key in ("auto_percentile", "auto_target", "exposure_s"):
+        assert is_shown("sensor", key, of_scene) == (automatic == (key != "exposure_s"))
 
 
 @pytest.mark.parametrize("colour", ["MONO", "BAYER"])
