@@ -226,7 +226,8 @@ def _rig_lines(rig: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
     focal = focal_px(described)
     fields = [2 * math.degrees(math.atan(n / 2 / focal)) for n in (width, height)]
     lines = [f"Field of view {fields[0]:.1f}° x {fields[1]:.1f}°",
-             f"f {focal:.1f} px, f·B {focal * described.baseline_m:.2f} px·m",
+             f"Focal length {focal:.1f} px",
+             f"Depth × disparity {focal * described.baseline_m:.2f} px·m",
              f"Level ground, disparity ± {DISPARITY_ERROR_PX:g} px:"]
     for name, row in (("Near edge", float(height)), ("Middle", height / 2), ("Far edge", 0.0)):
         lines += _row_lines(name, ground_row(described, row), described)

@@ -31,6 +31,8 @@ def draw_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str,
                 _draw_metric(rest, name, value)
         _draw_buttons(box, scene, row["method"])
     draw_sentence(layout, "Wrong: off by over 1 px, or missing. The grey metrics are of covered pixels.")
+    draw_sentence(layout, "Depth order off (DOD): share of pairs of pixels of which the wrong one is nearer. Shape "
+                          "error (si-RMSE): spread of the ratio of measured to true depth, blind to scale.")
     if any(row["ranks"] for row in rows):
         draw_sentence(layout, "Rank: by wrong pixels, a range where the scenes leave it open. Star: no matcher is "
                               "better beyond doubt, and at least one is worse.")
@@ -55,7 +57,7 @@ def _main_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
 
 def _other_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
     return (("Mean error (L1)", results.metres(row["l1_m"])), ("Over 10 cm off", results.percent(row["l1_rate_10"])),
-            ("DOD", results.percent(row["dod"])), ("si-RMSE", results.number(row["si_rmse"], 4)))
+            ("Depth order off", results.percent(row["dod"])), ("Shape error", results.number(row["si_rmse"], 4)))
 
 
 def _draw_metric(column: Any, name: str, value: str) -> None:
@@ -69,10 +71,10 @@ def _draw_metric(column: Any, name: str, value: str) -> None:
 
 def _draw_buttons(box: Any, scene: bpy.types.Scene, method: str) -> None:
     """Draw a button for each way to see the errors of a matcher, grey where the evaluation kept nothing for it."""
-    buttons = box.row(align=True)
-    for operator, text, kept in (("show_error", "Image", results.methods_with_error_images(scene)),
-                                 ("paint_errors", "Ground", results.methods_with_disparities(scene)),
-                                 ("show_surface", "Surface", results.methods_with_points(scene))):
+    buttons = box.column(align=True)  # beside each other, words with a verb would be cut
+    for operator, text, kept in (("show_error", "Show Error Image", results.methods_with_error_images(scene)),
+                                 ("paint_errors", "Paint Errors on Ground", results.methods_with_disparities(scene)),
+                                 ("show_surface", "Show Surface", results.methods_with_points(scene))):
         part = buttons.row(align=True)
         part.enabled = method in kept
         part.operator(f"icymoon.{operator}", text=text).method = method

@@ -30,10 +30,9 @@ INSIDE = {"source": "terrain", "excavation": "terrain", "hills": "terrain", "mes
 
 
 def _advanced(topic: str, *settings: str) -> Section:
-    # Blender indents what is inside a sub-panel no further, so the label tells it from that of the panel around, and
-    # from that of the panel inside which is above it.
-    label = f"Advanced {TOPICS[topic].label}" if topic in {*INSIDE, *INSIDE.values()} else "Advanced"
-    return Section(topic, ADVANCED, label, "Settings that few scenes change", settings)
+    # Blender indents what is inside a sub-panel no further, so the label tells what it belongs to.
+    return Section(topic, ADVANCED, f"Advanced {TOPICS[topic].label.partition(' and ')[0]}",
+                   "Settings that few scenes change", settings)
 
 
 def _of_surface(topic: str) -> tuple[Section, ...]:

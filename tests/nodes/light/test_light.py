@@ -268,7 +268,7 @@ def test_the_panel_says_what_is_in_the_sky_and_what_the_camera_resolves():
     assert max(map(len, sidebar_text.sky_lines(light))) <= 40
     rig = complete().rig | {"width_px": 640, "height_px": 480}
     lines = sidebar_text.rig_lines(rig)
-    assert lines[:2] == ("Field of view 86.3° x 70.2°", "f 341.3 px, f·B 85.33 px·m")
+    assert lines[:3] == ("Field of view 86.3° x 70.2°", "Focal length 341.3 px", "Depth × disparity 85.33 px·m")
     # 1.6 m above the ground, 45.84° down: 2.23 m deep in the middle, 2.23² x 0.25 / 85.333 = 1.5 cm.
     assert "Middle 2.23 m ± 1.5 cm" in lines
     assert "Far edge above the horizon" in sidebar_text.rig_lines(rig | {"pitch_deg": 10.0})
