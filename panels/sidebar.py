@@ -26,6 +26,7 @@ from ..preferences import own_matcher_names, plugin_matcher_names
 from ..settings.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
 from ..stereo.matchers.methods import names_method
+from ..stereo.report.table_columns import NOISE_DECIDES
 from . import previews
 from .decision_maps import draw_decisions
 from .error_table import draw_errors
@@ -123,8 +124,13 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         draw_sentence(layout, origin, "TIME")
         for sentence in warnings:
             draw_sentence(layout, sentence, "ERROR")
-        for brief in results.limits_in_brief(context.scene):  # at length below the table, to keep it in sight
+        briefs = results.limits_in_brief(context.scene)
+        for brief in briefs:  # the rest of each is below the table, to keep it in sight
             draw_lines(layout, (brief,), "ERROR")
+            if brief.startswith(NOISE_DECIDES):
+                row = layout.row()
+                row.operator_context = "INVOKE_DEFAULT"
+                draw_start(row, "icymoon.auto_quality", "Find Cheapest Quality…", "VIEWZOOM")
         table = layout.column()
         table.active = not warnings
         draw_errors(table, context.scene, rows)
@@ -138,7 +144,8 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         for meaning, icon in meanings:
             draw_sentence(column, meaning, icon)
         for sentence in results.limits(context.scene):
-            draw_sentence(layout, sentence, "INFO")
+            told = [f"{brief}: " for brief in briefs if sentence.startswith(f"{brief}: ")]
+            draw_sentence(layout, sentence.removeprefix(told[0]) if told else sentence, "INFO")
 
 
 class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):

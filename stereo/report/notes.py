@@ -11,6 +11,7 @@ from ..images.disparity_and_occlusion import ESTIMATED
 from ..matchers.methods import Method
 from ..matchers.search_range import FIXED, MISSED, STATED, TRUTH
 from ..measure.render_noise import DECIDES, NOISY
+from .table_columns import NOISE_DECIDES
 
 #: ``search`` of a row, see ``search_range``.
 SEARCH: Shape = Maybe({"least_px": COUNT, "most_px": COUNT, "source": TEXT,
@@ -104,7 +105,7 @@ class Notes:
     def _noise(self) -> Iterator[Note]:
         if self._decided:
             where = f" in {len(self._decided)} of {self._pairs} pairs" if self._pairs > 1 else ""
-            yield Note(f"Noise of the render decides the result{where}",
+            yield Note(f"{NOISE_DECIDES}{where}",
                        "in light or in shadow, more than 5 % of the pixels have less texture than noise. Methods that "
                        f"differ by less than {100 * max(self._decided):.2g} % of the pixels may differ by noise alone; "
                        "raise quality.samples and look whether their order stays.")

@@ -46,6 +46,8 @@ SUMMARY = (*TOTALS, *MEASURED, SECONDS)
 RANKING = "total_bad_1"
 #: What a table shows instead of a rank for a method that measured nothing.
 NO_RESULT = "no result"
+#: How the note begins that noise of the render decides the result of pairs.
+NOISE_DECIDES = "Noise of the render decides the result"
 #: The columns of the GUISS reference code, each with ours.
 GUISS = (
     (Column("guiss_l1_m", "L1", "m", 3), Column("l1_m", "L1", "m", 3)),

@@ -12,6 +12,9 @@ from icymoon import scene_properties
 from icymoon.errors import IcyMoonError
 from icymoon.operators import evaluate, own_reports, results
 from icymoon.panels import sidebar
+from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.stereo.measure.render_noise import DECIDES
+from icymoon.stereo.report.notes import Notes
 from panel_drawing import drawn
 
 
@@ -52,7 +55,28 @@ def test_what_limits_the_results_is_kept_with_them(scene, tmp_path):
     assert results.limits_in_brief(scene) == ("Noise decides", "bm:x=2 misses")
     labels = [entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label"]
     table = labels.index("Wrong")
-    assert labels.index("bm:x=2 misses") < table < labels.index("Noise decides: so.")
+    assert labels.index("bm:x=2 misses") < table < labels.index("So.")
+    assert not any("Noise decides" in label for label in labels[table:])  # it is above
+
+
+def test_a_result_that_noise_decides_comes_with_the_button_that_finds_the_remedy(scene, tmp_path):
+    evaluated(scene, tmp_path)
+    assert "icymoon.auto_quality" not in buttons_of_results()
+    notes = Notes(parse_methods("bm"))
+    part = {"share": 0.5, "noise_dn": 3.0, "hidden": 0.1}
+    notes.add_pair({"noise": {"verdict": DECIDES, "lit": part, "shadow": part, "doubt": 0.2}})
+    path = tmp_path / "evaluation_scene" / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {
+        "notes": [note.sentence for note in notes.found()], "briefs": [note.brief for note in notes.found()]}))
+    results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
+    assert buttons_of_results().count("icymoon.auto_quality") == 1
+    labels = " ".join(entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label")
+    assert labels.count("Noise of the render decides") == 1
+    assert "raise Quality and Speed > Samples" in labels
+
+
+def buttons_of_results():
+    return [entry[1] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "operator"]
 
 
 def test_matchers_that_fail_rarely_stand_whole_below_the_ranks(scene, tmp_path):
