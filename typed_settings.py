@@ -594,6 +594,12 @@ class SensorSettings(Table):
     bits: int  # bits
     psf_sigma_px: float  # px
     veiling_glare: float
+    deposit_share: float
+    deposit_mm: float  # mm
+    deposit_window_mm: float  # mm
+    deposit_scatter: float
+    deposit_seed: int
+    deposits_alike: bool
     radiation_flux_cm2_s: float  # 1/(cm² s)
     radiation_depth_um: float  # µm
     radiation_e_per_um: float  # e-/µm

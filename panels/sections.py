@@ -103,6 +103,8 @@ SECTIONS = (
     Section("sensor", "optics", "Optics", "Aperture, wavelengths and sharpness of lens and filter", (
         "f_number", "pixel_pitch_um", "transmission", "band_centre_nm", "band_width_nm", "band_weights", "psf_sigma_px",
         "veiling_glare")),
+    Section("sensor", "deposits", "Deposits", "Dust or frost on the windows before the lenses", (
+        "deposit_share", "deposit_mm", "deposit_window_mm", "deposit_scatter", "deposit_seed", "deposits_alike")),
     Section("sensor", "filters", "Colour Filters", "The Bayer mosaic: its filters, demosaicing and white balance", (
         "bayer_pattern", "demosaicing", "white_balance", "grey", "red_centre_nm", "red_half_width_nm", "red_efficiency",
         "green_centre_nm", "green_half_width_nm", "green_efficiency", "blue_centre_nm", "blue_half_width_nm",

@@ -1028,6 +1028,18 @@ SENSOR = Topic("sensor", "Exposure and Noise",
             "response", "px", 0.0, 50.0, (0.0, 3.0), precision=2),
     _fraction("veiling_glare", "Veiling Glare", 0.0, "Share of the light that is spread evenly over the image "
               "(ISO 9358)", "response"),
+    _fraction("deposit_share", "Lens Deposits", 0.0, "Share of the window before each lens that dust or frost covers",
+              "response", high=0.95),
+    Setting("deposit_mm", "Grain (mm)", 0.5, "Diameter of a grain or flake on the window", "response", "mm", 0.01, 50.0,
+            (0.05, 5.0)),
+    Setting("deposit_window_mm", "Window (mm)", 20.0, "Distance of the window from the entrance pupil of the lens. The "
+            "nearer, the wider and fainter are the spots", "response", "mm", 0.1, 1000.0, (5.0, 100.0)),
+    _fraction("deposit_scatter", "Scattered", 0.3, "Share of the light that deposits block which they scatter evenly "
+              "over the image", "response"),
+    Setting("deposit_seed", "Deposit Seed", 0, "Seed of the deposits. Another seed puts them elsewhere", "response",
+            "1", 0, 1000000, (0, 100)),
+    Setting("deposits_alike", "Alike in Both Eyes", False, "Put deposits on the same places before both lenses",
+            "response"),
     Setting("radiation_flux_cm2_s", "Particles (1/cm² s)", 0.0, "Charged particles that reach the sensor, per cm² and "
             "second", "response", "1/(cm² s)", 0.0, 1.0e12, (0.0, 1.0e6), precision=0),
     Setting("radiation_depth_um", "Sensitive Depth (µm)", 10.0, "Depth of silicon in which particles release electrons",

@@ -24,7 +24,7 @@ from .images.lens import lens_of
 from .images.views import read_sensor_depth
 
 #: Files that only some settings produce; those of an earlier run are removed.
-_STALE = re.compile(r"(left|right)_(\d+\.png|distorted\.png|mosaic\.png|distorted_depth\.npy)")
+_STALE = re.compile(r"(left|right)_(\d+\.png|distorted\.png|mosaic\.png|deposits\.png|distorted_depth\.npy)")
 FORMAT, VERSION = "icymoon-images", 1
 
 
@@ -39,6 +39,7 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
     * with brackets, every exposure as ``left_0.png`` and so on, the longest first, not rectified;
     * with a distorting lens or toed-in eyes, the image of the sensor as ``left_distorted.png`` (of a colour sensor, the
       mosaic is that), and the depth of its pixels (npy, metres along the axis of the eye, NaN for none);
+    * with deposits on the lenses, what they block as ``left_deposits.png``, 255 for all light;
     * last, ``images.json``: exposure, gain, calibration and settings.
 
     ``on_event`` gets the events of ``evaluate``. A pair that fails does not stop the others. Raises IcyMoonError if
@@ -93,6 +94,7 @@ def _images_by_name(images: Images, sensor_bits: int) -> dict[str, np.ndarray]:
     if images.detected_left is not images.left:
         kind = "mosaic" if images.is_mosaic else "distorted"
         named |= {f"{eye}_{kind}": (getattr(images, f"detected_{eye}"), images.bits) for eye in EYES}
+    named |= {f"{eye}_deposits": (share, 8) for eye, share in images.blocked.items()}
     if len(images.frames) > 1:
         named |= {f"{eye}_{k}": (getattr(frame, eye), sensor_bits)
                   for k, frame in enumerate(images.frames) for eye in EYES}

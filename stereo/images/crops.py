@@ -18,7 +18,7 @@ from .lens import lens_of
 from .views import read_eye
 
 #: What makes a pixel depend on others, or on its place on the sensor.
-_SPREADS = ("psf_sigma_px", "veiling_glare", "prnu", "dsnu_e", "blooming", "radiation_flux_cm2_s")
+_SPREADS = ("psf_sigma_px", "veiling_glare", "deposit_share", "prnu", "dsnu_e", "blooming", "radiation_flux_cm2_s")
 
 
 class Crop(NamedTuple):

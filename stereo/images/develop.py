@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from ...labels import LIGHT_GROUPS
 from ...physics.camera import brackets
 from ...physics.camera.blur import developing_warnings
 from ...physics.camera.colour import can_balance, channel_rates, grey_of, mosaic, white_gains, white_rates
+from ...physics.camera.deposits import apply_deposits, blocked_share
 from ...physics.camera.particle_hits import draw_hits
 from ...physics.camera.point_spread import apply_lens
 from ...physics.camera.sensor import (
@@ -69,6 +70,8 @@ class Images:
     colour_left: np.ndarray | None = None  # (H, W, 3), R, G, B, rectified; None for a monochrome sensor
     colour_right: np.ndarray | None = None
     white_gains: tuple[float, ...] = ()  # factors that the white balance put on R, G, B
+    #: By eye, uint8 (H, W), rectified: 255 times the share of the light that deposits block. Empty without deposits.
+    blocked: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def is_mosaic(self) -> bool:
@@ -135,11 +138,14 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
     lenses = {eye: lens_of(pair.camera, rig, eye) for eye in EYES}
     scaled = {eye: channels.planes(scaled_radiance(view, pair, settings.light))
               for eye, view in (("left", left), ("right", right))}
-    light = {eye: channels.at_pixels([apply_lens(_on_sensor(plane, pair.camera, lenses[eye]), sensor)
-                                      for plane in scaled[eye]]) for eye in EYES}
+    seed = int(pair.settings.dataset.seed)
+    camera = pair.camera
+    blocked = {eye: blocked_share(sensor, rig, (camera.height_px, camera.width_px), seed, eye) for eye in EYES}
+    light = {eye: channels.at_pixels([
+        apply_lens(apply_deposits(_on_sensor(plane, camera, lenses[eye]), blocked[eye], sensor), sensor)
+        for plane in scaled[eye]]) for eye in EYES}
     metered = exposure_s(channels.balanced(light["left"]), rate, sensor)
     times = brackets.exposure_times(metered, sensor)
-    seed = int(pair.settings.dataset.seed)
     image = {eye: _exposures(light[eye], times, rate, settings, (seed, pair.id, eye), pitch_m) for eye in EYES}
     frames = tuple(Frame(*each) for each in zip(times, image["left"], image["right"], strict=True))
     full_s = capacity_e(sensor) / times[-1]  # electrons per second
@@ -164,7 +170,9 @@ def develop(pair: Pair, left: Light, right: Light, settings: Settings) -> Images
                   saturated, str(sensor.encoding),
                   (*developing_warnings(settings, pair.settings, times),
                    *exposure_warnings(metered, saturated, sensor), *channels.warnings),
-                  colours.get("left"), colours.get("right"), tuple(channels.gains.tolist()) if colours else ())
+                  colours.get("left"), colours.get("right"), tuple(channels.gains.tolist()) if colours else (),
+                  {eye: _rectified(np.rint(share * 255.0).astype(np.uint8), lenses[eye])
+                   for eye, share in blocked.items() if share is not None})
 
 
 class Channels:

@@ -62,7 +62,10 @@ TEXTURE = Factor("texture", "Texture (grey levels per px)",
 SHADOW = Factor("shadow", "Light", names=("sunlit", "shadow"))
 OCCLUSION = Factor("occlusion", "Visibility", names=("both eyes", "left only"))
 MATERIAL = Factor("material", "Material", names=("terrain", "rock", "lander"))
-FACTORS = (RANGE, SLOPE, TEXTURE, SHADOW, OCCLUSION, MATERIAL)
+DEPOSITS = Factor("deposits", "Lens", names=("clean", "deposits"))
+FACTORS = (RANGE, SLOPE, TEXTURE, SHADOW, OCCLUSION, MATERIAL, DEPOSITS)
+#: Share of the left image's light that deposits must block for a pixel to count as behind them, of 255.
+_LEAST_BLOCKED = 13
 #: The number of classes by each factor, with one for the pixels that have none.
 _CELLS = tuple(1 + len(factor.classes) for factor in FACTORS)
 
@@ -100,15 +103,18 @@ def in_shadow(grey: np.ndarray, normal: np.ndarray, toward_sun: Sequence[float],
 
 
 def classify(truth: np.ndarray, visible: np.ndarray, gradient: np.ndarray, grey: np.ndarray, normal: np.ndarray | None,
-             semantic: np.ndarray | None, toward_sun: Sequence[float] | None) -> dict[str, np.ndarray]:
+             semantic: np.ndarray | None, toward_sun: Sequence[float] | None,
+             blocked: np.ndarray | None = None) -> dict[str, np.ndarray]:
     """The class of every pixel by every factor, int8 (H, W), -1 where it has none or where an argument is None.
 
     ``gradient`` is ``texture`` of the left image that matchers get, ``grey`` its radiance; ``normal`` is in world axes.
+    ``blocked`` is what deposits on the lens block, of 255; pixels have no class by it if there are none.
     """
     nowhere = np.full(truth.shape, -1, np.int8)
     found = {RANGE.key: RANGE.of(truth), TEXTURE.key: TEXTURE.of(gradient),
              OCCLUSION.key: (~visible).astype(np.int8),
-             SLOPE.key: nowhere, SHADOW.key: nowhere, MATERIAL.key: nowhere}
+             SLOPE.key: nowhere, SHADOW.key: nowhere, MATERIAL.key: nowhere,
+             DEPOSITS.key: nowhere if blocked is None else (blocked >= _LEAST_BLOCKED).astype(np.int8)}
     if normal is not None:
         found[SLOPE.key] = SLOPE.of(np.degrees(np.arccos(np.clip(normal[..., 2].astype(np.float64), -1, 1))))
     if semantic is not None:
@@ -168,7 +174,7 @@ def add_sums(one: Mapping[str, Any] | None, other: Mapping[str, Any]) -> dict[st
     if one is None:
         return {factor: {key: list(values) for key, values in sums.items()} for factor, sums in other.items()}
     return {factor: {key: [a + b for a, b in zip(sums[key], other[factor][key], strict=True)] for key in SUMS}
-            for factor, sums in one.items()}
+            for factor, sums in one.items() if factor in other}  # an earlier version had fewer factors
 
 
 def mean(sums: Mapping[str, Sequence[float]], key: str, over: str = "n") -> list[float | None]:

@@ -149,7 +149,7 @@ def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared
     left, right = loaded.images.for_matchers()
     gradient = texture(left)
     classes = classify(truth, visible, gradient, grey(view.radiance), view.normal, view.semantic,
-                       _toward_sun(loaded.pair))
+                       _toward_sun(loaded.pair), loaded.images.blocked.get("left"))
     scale = colours.depth_scale(truth)
     facts = _facts(loaded.pair, loaded.settings, loaded.images, truth, visible)
     noise = render_noise(_noise_free_level(loaded, "left"), _noise_free_level(loaded, "right"),
