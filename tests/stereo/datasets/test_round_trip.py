@@ -85,7 +85,7 @@ def test_what_an_export_lacks_is_stated_once_and_not_counted(dataset, tmp_path):
     strata = report["summary"][0]["strata"]
     for factor in FACTORS:
         total = sum(strata[factor.key]["true"])
-        assert (total == 0) == (factor.key in ("slope", "shadow", "material")), factor.key
+        assert (total == 0) == (factor.key in ("slope", "shadow", "material", "deposits")), factor.key
 
 
 def test_a_foreign_pair_has_points_in_the_axes_of_its_camera(dataset, tmp_path):

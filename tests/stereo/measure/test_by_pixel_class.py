@@ -5,6 +5,7 @@ import pytest
 from icymoon.labels import LANDER, ROCK, TERRAIN
 from icymoon.stereo.measure import by_pixel_class
 from icymoon.stereo.measure.by_pixel_class import (
+    DEPOSITS,
     FACTORS,
     MATERIAL,
     OCCLUSION,
@@ -170,9 +171,21 @@ def test_ground_is_in_shadow_below_about_a_third_of_the_light_whichever_way_it_f
     assert (shadow[:, 30:] == (reaches < 0.35)).all()
 
 
+def test_pixels_behind_deposits_are_those_that_lose_a_twentieth_of_their_light():
+    one = np.ones((1, 4))
+    found = classify(one, one > 0, one, one, None, None, None, np.array([[0, 12, 13, 255]], np.uint8))
+    assert [DEPOSITS.classes[k] for k in found["deposits"][0]] == ["clean", "clean", "deposits", "deposits"]
+
+
+def test_sums_with_an_earlier_evaluation_are_of_the_factors_of_both():
+    sums = sums_by_class(CLASSES, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
+    earlier = {key: value for key, value in sums.items() if key != "deposits"}
+    assert set(by_pixel_class.add_sums(sums, earlier)) == set(by_pixel_class.add_sums(earlier, sums)) == set(earlier)
+
+
 def test_unknown_properties_classify_nothing():
     found = classify(TRUTH, TRUTH > 0, np.ones_like(TRUTH), np.ones_like(TRUTH), None, None, None)
-    assert all((found[key] == -1).all() for key in ("slope", "shadow", "material"))
+    assert all((found[key] == -1).all() for key in ("slope", "shadow", "material", "deposits"))
     sums = sums_by_class(found, DEPTH, TRUTH, 85 / DEPTH, 85 / TRUTH)
     assert sum(sums["slope"]["true"]) == 0
 
