@@ -39,7 +39,7 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
     * with brackets, every exposure as ``left_0.png`` and so on, the longest first, not rectified;
     * with a distorting lens or toed-in eyes, the image of the sensor as ``left_distorted.png`` (of a colour sensor, the
       mosaic is that), and the depth of its pixels (npy, metres along the axis of the eye, NaN for none);
-    * with deposits on the lenses, what they block as ``left_deposits.png``, 255 for all light;
+    * with deposits on the lenses, what they block as ``left_deposits.png``, 255 where it is all light;
     * last, ``images.json``: exposure, gain, calibration and settings.
 
     ``on_event`` gets the events of ``evaluate``. A pair that fails does not stop the others. Raises IcyMoonError if

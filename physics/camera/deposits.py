@@ -19,8 +19,8 @@ from ..random_numbers.seeds import generator
 from ..rig.focal_length import focal_px
 from .sensor import EYE_STREAMS
 
-#: Most grains that are drawn, and most pixels along a side of the window that the beams cross.
-MOST_GRAINS, MOST_SIDE = 50_000, 8192
+#: Most grains that are drawn, and most pixels of the window that the beams cross: some seconds and 2 GB.
+MOST_GRAINS, MOST_PIXELS = 50_000, 32_000_000
 #: Pixels of grains that are drawn at once, for memory.
 _AT_ONCE = 2_000_000
 #: Index of these among the streams of the sensor: the first two are the patterns of the eyes.
@@ -41,9 +41,9 @@ def blocked_share(sensor: SensorSettings, rig: RigSettings, shape: tuple[int, in
     grain, pupil = float(sensor.deposit_mm) * per_mm, rig.focal_length_mm / float(sensor.f_number) * per_mm
     reach = math.ceil(pupil / 2) + 1
     rows, columns = shape[0] + 2 * reach, shape[1] + 2 * reach
-    if max(rows, columns) > MOST_SIDE:
+    if rows * columns > MOST_PIXELS:
         raise IcyMoonError(f"The beams cross {columns} x {rows} pixels of the window with deposits, more than "
-                           f"{MOST_SIDE} along a side; raise sensor.deposit_window_mm or sensor.f_number.")
+                           f"{MOST_PIXELS // 1_000_000} million; raise sensor.deposit_window_mm or sensor.f_number.")
     # Discs at random places that cover this share together, where they overlap counted once.
     wide = grain / 2 + 1
     density = -math.log1p(-share) / (math.pi * (grain / 2) ** 2)

@@ -259,6 +259,8 @@ def exposure_facts(images: Images) -> Mapping[str, Any]:
             "saturation_radiance": images.saturation_radiance if math.isfinite(images.saturation_radiance) else None,
             "saturated": images.saturated,
             **({"white_gains": list(images.white_gains)} if images.white_gains else {}),
+            **({"blocked_share": {eye: float(share.mean()) / 255 for eye, share in images.blocked.items()}}
+               if images.blocked else {}),
             "image_bits": images.bits, "warnings": list(images.warnings)}
 
 

@@ -151,6 +151,30 @@ def test_a_data_set_is_exposed_again_from_the_command_line(tmp_path, capsys):
     assert said["camera"]["focal_baseline_px_m"] == pytest.approx(pairs.camera().focal_baseline_px_m)
 
 
+def test_deposits_are_a_mask_that_is_stated_and_the_depth_stays(tmp_path):
+    folder, out = pairs.write_pair(tmp_path / "set" / "pairs" / "aaa"), tmp_path / "out"
+    before = {path.name: path.read_bytes() for path in folder.iterdir()}
+    truth = read_view(folder / "left.exr").depth
+    assert main(["develop", str(folder), "--out", str(out), "--set", "sensor.deposit_share=0.3", "--set",
+                 "sensor.deposit_mm=1.5", "--set", "sensor.deposit_scatter=0.0"]) == 0
+    assert {path.name: path.read_bytes() for path in folder.iterdir()} == before  # the truth among them
+    np.testing.assert_array_equal(read_view(folder / "left.exr").depth, truth)
+    said = json.loads((out / "aaa" / "images.json").read_text())
+    images = developed(folder, deposit_share=0.3, deposit_mm=1.5, deposit_scatter=0.0, **QUIET)
+    for eye in ("left", "right"):
+        mask = cv2.imread(str(out / "aaa" / f"{eye}_deposits.png"), cv2.IMREAD_UNCHANGED)
+        assert mask.dtype == np.uint8
+        assert said["blocked_share"][eye] == pytest.approx(mask.mean() / 255)
+        # What the mask says is lost is what the image lacks: to one step of the converter and one of the mask.
+        light = grey(read_view(folder / f"{eye}.exr").radiance)
+        left_over = light * (1.0 - mask / 255.0) / images.saturation_radiance * 255
+        assert np.abs(getattr(images, eye) - np.clip(left_over, 0, 255)).max() <= 1.01
+        assert np.ptp(mask) > 20
+    assert main(["develop", str(folder), "--out", str(out)]) == 0
+    assert sorted(path.name for path in (out / "aaa").iterdir()) == ["images.json", "left.png", "right.png"]
+    assert "blocked_share" not in json.loads((out / "aaa" / "images.json").read_text())
+
+
 def test_a_setting_that_needs_a_render_is_refused_and_a_broken_pair_is_named(tmp_path, capsys):
     folder = pairs.write_pair(tmp_path / "set" / "pairs" / "aaa")
     assert main(["develop", str(folder), "--out", str(tmp_path / "out"), "--set", "light.sun_elevation_deg=3"]) == 1
