@@ -164,7 +164,7 @@ def _body(settings: Settings) -> Solid:
     parts = [prism(WHITE, outline, under, top, 0.008),
              prism(FOIL, [(x * 0.93 - 0.01, y * 0.9) for x, y in outline], floor, under - 0.002, 0.0, 0.86)]
     parts += _deck_parts(front, half, corner, top)
-    return join([*parts, *_boom(settings.arm, front, top)])
+    return join([*parts, *_boom(settings, front, top)])
 
 
 def _deck_parts(front: float, half: float, corner: float, top: float) -> list[Solid]:
@@ -185,9 +185,11 @@ def _deck_parts(front: float, half: float, corner: float, top: float) -> list[So
     return [*rail, funnel, *target, *boxes]
 
 
-def _boom(arm: ArmSettings, front: float, top: float) -> list[Solid]:
-    """What carries the arm's turret in front of the deck: two beams and a plate."""
-    x, y, low = arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m - min(0.22, arm.shoulder_z_m - 0.05)
+def _boom(settings: Settings, front: float, top: float) -> list[Solid]:
+    """What carries the arm in front of the deck: two beams and a plate, under our turret or a link of the user's."""
+    arm = settings.arm
+    below = 0.0 if settings.lander.kind == "OWN" else min(0.22, arm.shoulder_z_m - 0.05)
+    x, y, low = arm.shoulder_x_m, arm.shoulder_y_m, arm.shoulder_z_m - below
     back = min(front - 0.05, x - 0.1)
     beams = [rod(METAL, (back, y + side * 0.14, top - 0.07), (x - 0.02, y + side * 0.05, low - 0.012), 0.024)
              for side in (-1, 1)]
