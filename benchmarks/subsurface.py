@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from guiss_cost import HEAD, Rung, errors, measured, rendered, shown, snow
+from guiss_cost import Rung, errors, head, measured, rendered, shown, snow
 from icymoon.settings import description
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.matchers.methods import parse_methods
@@ -44,14 +44,14 @@ def main(options: argparse.Namespace, out: Path) -> None:
     methods, scene = parse_methods("sgbm,bm"), snow(options.scale)
     first: list[Any] = []
     most = light = 0.0
-    print(HEAD, flush=True)
+    print(head(), flush=True)
     for k, rung in enumerate(rows(options.samples)):
         settings = description.merged(scene, description.check(dict(rung.settings), "benchmark"),
                                       {"dataset": {"headings": options.pairs}})
         pairs = rendered(rung, settings, out / f"row{k}")
         found = [errors(Path(pair["folder"]), methods) for pair in pairs]
         first = first or found
-        row = measured(pairs, found, first, None, 1)
+        row = measured(pairs, found, first, None)
         mean = mean_radiance([Path(pair["folder"]) for pair in pairs])
         most, light = most or row["more"], light or mean
         print(f"{shown(rung.name, row, most)}\n{'':44}{mean / light - 1:+.2%} of the light", flush=True)
