@@ -22,6 +22,8 @@ from .materials import build_materials
 
 #: Property of the body: heights of the ground under the pads over that under the left camera, in metres.
 PADS = "icymoon_pads_m"
+#: In the view of colours of vertices, which links do not have: grey, and so no value of the ground's.
+_VIEW_COLOUR = (0.2, 0.2, 0.2, 1.0)
 _LINKS = (BODY, *JOINTS.values(), HEAD, MAST, *LEGS)
 #: Links of the user's own arm have roles by number.
 _OWN_LINKS = tuple(f"own {k:02d}" for k in range(MOST_LINKS))
@@ -67,7 +69,7 @@ def _build_link(link: str, key: str, solid: Solid, materials: dict[str, bpy.type
     mesh.polygons.foreach_set("material_index", np.array([used.index(name) for name in solid.materials], np.int32))
     mesh.polygons.foreach_set("use_smooth", solid.smooth)
     item = bpy.data.objects.new(title, mesh)
-    item[TAG], item.pass_index = ROLES[key], INSTANCES[key]
+    item[TAG], item.pass_index, item.color = ROLES[key], INSTANCES[key], _VIEW_COLOUR
     return item
 
 

@@ -41,6 +41,9 @@ def test_links_are_where_the_settings_put_them_with_labels_of_their_own():
     check_poses(built, built.settings)
     assert sorted(item.pass_index for item in links(built).values()) == [FIRST_LINK_INSTANCE + k for k in range(10)]
     assert {material.pass_index for item in links(built).values() for material in item.data.materials} == {LANDER}
+    # Where the view shows colours of vertices, as decisions need it, an object without them has its own; the default
+    # is white, which outshines the ground.
+    assert {tuple(np.round(item.color, 3)) for item in links(built).values()} == {(0.2, 0.2, 0.2, 1.0)}
     assert not built.edited
 
 
