@@ -74,6 +74,19 @@ def test_the_next_state_makes_no_new_ground(monkeypatch):
     assert made.state == 2
 
 
+def test_a_state_is_the_same_whichever_was_dug_before(monkeypatch):
+    # As in a series that goes on after it was stopped.
+    loose = {"cohesion_pa": 0.0, "clods_m": 0.01}
+    made = []
+    for states in ((2,), (0, 1, 2), (1, 0, 2)):
+        monkeypatch.setattr(dug_ground, "_last", None)
+        made.append([dug(state=state, **loose) for state in states][-1])
+    for other in made[1:]:
+        assert other.positions.tobytes() == made[0].positions.tobytes()
+        np.testing.assert_array_equal(other.faces, made[0].faces)
+        assert other.series.facts(2) == made[0].series.facts(2)
+
+
 @pytest.mark.parametrize("path", ["RECORDED", "JOINTS"])
 def test_a_path_that_is_edited_is_dug_anew(path, tmp_path):
     file = tmp_path / "path.csv"
