@@ -22,7 +22,7 @@ from ..measure.render_noise import DECIDES
 from ..report import comparisons
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg
 from ..report.pictures import embed_picture
-from ..report.scene_intervals import intervals, scene_means
+from ..report.scene_intervals import intervals, scene_means, wilson_interval, within_range
 from ..report.table_columns import Column, format_interval, format_number
 from . import pictures
 from .rules import SHIPPED, Rules
@@ -75,6 +75,11 @@ SCOOP_COLUMNS = (
     Column("dem.beside_share", "Lost beside", "%", 1, "of the cells in reach that the left image shows, those that "
            "only the pixels left out know"))
 COLUMNS = (*DEM, *SITES, *OTHERS, *SCOOP_COLUMNS)
+#: Numbers of at most 1 beside those in %, and those that are yes or no in each pair.
+_SHARES = ("sites.average_precision", "sites.roc_area", "sites.regret")
+_EITHER_OR = ("sites.unsafe_choice", "sites.no_site")
+_INTERVALS = ("95 % over scenes: by Wilson of the choices that are unsafe or missing, else by Student's t inside the "
+              "range of the number")
 #: By what methods are compared; less is better but for those of _MORE.
 _COMPARED = ("sites.false_safe", "sites.safe_lost", "sites.average_precision", "dem.rmse_m")
 _MORE = ("sites.average_precision",)
@@ -105,7 +110,7 @@ def write_decisions(out: Path, rows: Sequence[Mapping[str, Any]], facts: Sequenc
               "comparisons": found, "progress": list(progress), "faults": list(faults),
               "rules": rules.to_json(), "failed": list(failed), "notes": notes,
               "provenance": {**provenance, "icymoon": version(), "created": datetime.now(UTC).isoformat(" ", "seconds"),
-                             "intervals": "95 %, Student's t over scenes"},
+                             "intervals": _INTERVALS},
               "rows": list(rows)}
     write_text(out / "decisions.csv", _csv_text(rows))
     write_json(out / "decisions.json", report)
@@ -136,7 +141,7 @@ def summarise(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, An
         defined = ~np.isnan(values)
         means = np.divide(np.where(defined, values, 0.0).sum(axis=0), defined.sum(axis=0),
                           out=np.full(len(COLUMNS), np.nan), where=defined.any(axis=0))
-        bounds = intervals(values, scenes) if len(values) else np.full((len(COLUMNS), 2), np.nan)
+        bounds = _find_bounds(values, scenes, means)
         result.append({"method": label, "pairs": len(values), "scenes": len(np.unique(scenes)),
                        "base_rate": float(np.mean(rates)) if rates else None,
                        "roc": np.mean(curves, axis=0).tolist() if curves else None,
@@ -146,6 +151,19 @@ def summarise(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, An
                        "intervals": {column.key: [_none(bound) for bound in bounds[k]]
                                      for k, column in enumerate(COLUMNS)}})
     return result
+
+
+def _find_bounds(values: np.ndarray, scenes: np.ndarray, means: np.ndarray) -> np.ndarray:
+    """The 95 % bounds (columns, 2) of means over pairs from the scenes' differences; NaN of fewer than two scenes."""
+    if not len(values):
+        return np.full((len(COLUMNS), 2), np.nan)
+    bounds = within_range(intervals(values, scenes), (values < 0).any(axis=0),
+                          np.array([column.unit == "%" or column.key in _SHARES for column in COLUMNS]))
+    number = np.isfinite(scene_means(values, scenes)).sum(axis=0)
+    for k, column in enumerate(COLUMNS):
+        if column.key in _EITHER_OR and number[k] >= 2:
+            bounds[k] = wilson_interval(float(means[k]), int(number[k]))
+    return bounds
 
 
 def _none(value: float) -> float | None:
@@ -211,7 +229,7 @@ def _between(entry: Mapping[str, Any], key: str) -> str:
     low, high = entry["intervals"][key]
     if low is None or high is None:
         return ""
-    return f" ({100 * max(low, 0.0):.0f} to {100 * min(high, 1.0):.0f})"
+    return f" ({100 * low:.0f} to {100 * high:.0f})"
 
 
 def _volume_sentences(progress: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -299,7 +317,8 @@ def _page(report: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], facts: S
     return environment.get_template("decisions.html.j2").render(
         report=report, groups=(("Sites", SITES), ("Elevation model", DEM), ("Landing pads and cost", OTHERS),
                 *((("The arm", SCOOP_COLUMNS),) if _has_scoop(rows) else ())),
-        cell=format_cell, bounds=_bounds, titles=titles, roc=_draw_roc(report["summary"]), rules=stated,
+        cell=format_cell, bounds=_bounds, several=any(entry["scenes"] > 1 for entry in report["summary"]),
+        titles=titles, roc=_draw_roc(report["summary"]), rules=stated,
         changes=[{"entry": entry, "step": step, "map": embed_picture(out / step["map"], 10_000)}
                  for entry in report["progress"] for step in entry["steps"][-1:] if step["map"]],
         fault_angles=sorted({angle["deg"] for entry in report["faults"] for angle in entry["angles"]}),
@@ -325,8 +344,6 @@ def format_cell(entry: Mapping[str, Any], column: Column) -> str:
 def _bounds(entry: Mapping[str, Any], column: Column) -> str:
     factor = _MM if column.unit == "mm" else 1.0
     low, high = (None if bound is None else factor * bound for bound in entry["intervals"][column.key])
-    if column.unit == "%" and low is not None and high is not None:  # Student's t knows no ends of shares
-        low, high = max(low, 0.0), min(high, 1.0)
     return format_interval([low, high], column)
 
 

@@ -1,4 +1,4 @@
-"""Means over scenes and their intervals by Student's t.
+"""Means over scenes and their intervals: by Student's t, and by Wilson of what either is or is not so in a scene.
 
 Pairs of one scene share its ground, so they are not independent, and pixels even less; scenes are. Student's t holds
 for few scenes if their means are nearly normal. An interval does not hold for scenes of another kind.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from statistics import NormalDist
 
 import numpy as np
 
@@ -38,6 +39,26 @@ def intervals(values: np.ndarray, scenes: np.ndarray) -> np.ndarray:
         half = student_quantile(n - 1) * math.sqrt(n / (n - 1) * float(residual @ residual)) / pairs[k]
         bounds[k] = mean - half, mean + half
     return bounds
+
+
+def within_range(bounds: np.ndarray, signed: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Bounds (K, 2) inside the range of their numbers: 0 and more unless ``signed`` (K,), and 1 at most of ``shares``.
+
+    A mean is in that range, so this takes nothing from how often an interval holds it.
+    """
+    low = np.where(signed[:, None], bounds, np.maximum(bounds, 0.0))
+    return np.asarray(np.where(shares[:, None], np.minimum(low, 1.0), low))
+
+
+def wilson_interval(share: float, number: int) -> tuple[float, float]:
+    """Lower and upper bound of the probability behind a share of ``number`` scenes (Wilson 1927).
+
+    Unlike Student's t it is not of width 0 where the outcome of all scenes is the same.
+    """
+    z = NormalDist().inv_cdf(0.5 + LEVEL / 2)
+    middle = (share + z**2 / (2 * number)) / (1 + z**2 / number)
+    half = z / (1 + z**2 / number) * math.sqrt(share * (1 - share) / number + (z / (2 * number)) ** 2)
+    return max(middle - half, 0.0), min(middle + half, 1.0)
 
 
 def _sums(values: np.ndarray, scenes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ from ..measure import by_pixel_class, common_pixels, disparity_histograms
 from ..measure.metrics import BAD, ERROR_STEPS_M, L1_RATES, QUANTILES, SHARES
 from ..measure.result_row import NUMBERS, REGION_METRICS
 from .comparisons import compare, pairs_of, ranks
-from .scene_intervals import intervals, scene_means
+from .scene_intervals import intervals, scene_means, within_range
 
 #: Metrics that are means over pixels, so that the pixels of all pairs can be pooled. The scale-invariant and order
 #: metrics compare pixels of one image, and cannot.
@@ -141,11 +141,8 @@ def summarise_method(table: Table, method: int) -> dict[str, Any]:
     result |= {key: int(np.nansum(table.column(method, key))) for key in _COUNTS}
     with_truth = counted & (table.column(method, "true_pixels") > 0)
     result |= {key: None for key in _TOTAL_QUANTILES if np.isnan(table.column(method, key)[with_truth]).any()}
-    bounds = intervals(columns[counted], table.scenes[counted])
-    signed = (columns < 0).any(axis=0)
-    bounds[~signed] = np.maximum(bounds[~signed], 0.0)
-    shares = [key.endswith(_SHARE_NAMES) for key in _AVERAGED]
-    bounds[shares] = np.minimum(bounds[shares], 1.0)
+    bounds = within_range(intervals(columns[counted], table.scenes[counted]), (columns < 0).any(axis=0),
+                          np.array([key.endswith(_SHARE_NAMES) for key in _AVERAGED]))
     result["intervals"] = {key: [float(low), float(high)] for key, (low, high) in zip(_AVERAGED, bounds, strict=True)
                            if np.isfinite(low) and result[key] is not None}
     weights = table.column(method, "n")

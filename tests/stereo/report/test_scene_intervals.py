@@ -2,7 +2,13 @@
 
 import numpy as np
 import pytest
-from icymoon.stereo.report.scene_intervals import intervals, scene_means, student_quantile
+from icymoon.stereo.report.scene_intervals import (
+    intervals,
+    scene_means,
+    student_quantile,
+    wilson_interval,
+    within_range,
+)
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -48,3 +54,17 @@ def test_undefined_values_are_left_out_and_one_scene_has_none():
     assert np.isnan(intervals(np.ones((0, 2)), np.zeros(0, int))).all()
     np.testing.assert_allclose(intervals(np.ones((3, 1)), np.arange(3)), 1)
     assert np.isnan(scene_means(values, np.arange(3))[2, 0])
+
+
+@pytest.mark.parametrize(("share", "number"), [(0.0, 8), (1.0, 8), (0.5, 8), (0.25, 20), (0.0, 2)])
+def test_wilsons_bounds_are_where_the_share_is_as_far_off_as_its_own_error(share, number):
+    low, high = wilson_interval(share, number)
+    assert 0 <= low <= share <= high <= 1
+    for bound in {low, high} - {share}:
+        assert abs(share - bound) == pytest.approx(1.959964 * np.sqrt(bound * (1 - bound) / number), rel=1e-6)
+
+
+def test_bounds_end_where_their_numbers_do():
+    bounds = np.array([[-0.2, 1.3], [-0.2, 1.3], [-0.2, 1.3], [np.nan, np.nan]])
+    found = within_range(bounds, np.array([True, False, False, False]), np.array([False, False, True, True]))
+    np.testing.assert_array_equal(found, [[-0.2, 1.3], [0.0, 1.3], [0.0, 1.0], [np.nan, np.nan]])

@@ -1,0 +1,40 @@
+"""The summary of decisions over scenes: means and what their intervals can be."""
+
+from __future__ import annotations
+
+import pytest
+from icymoon.stereo.decisions.report import COLUMNS, summarise
+from icymoon.stereo.report.scene_intervals import wilson_interval
+
+SHARES = {column.key for column in COLUMNS if column.unit == "%"} | {"sites.average_precision", "sites.roc_area"}
+
+
+def summary(*scenes):
+    """The summary of a method that has these numbers (false_safe, AP, unsafe_choice, bias) in as many scenes."""
+    rows = [{"pair": str(k), "method": "bm", "status": "ok", "numbers": {
+        "dem": {"bias_m": bias, "completeness": 1.0, "rmse_m": abs(bias)},
+        "sites": {"false_safe": unsafe, "average_precision": precision, "unsafe_choice": choice, "no_site": 0.0,
+                  "roc": None, "base_rate": 0.2, "chosen": [0, 0]}}}
+        for k, (unsafe, precision, choice, bias) in enumerate(scenes)]
+    (entry,) = summarise(rows, [{"pair": row["pair"], "scene": row["pair"]} for row in rows], ["bm"])
+    return entry
+
+
+def test_no_interval_leaves_the_range_of_its_number():
+    # By Student's t alone: false_safe from -0.31 to 0.53, AP to 1.39, RMSE from below 0.
+    entry = summary((0.0, 1.0, 0.0, 0.001), (0.02, 0.98, 1.0, -0.002), (0.3, 0.6, 0.0, 0.03))
+    for key, (low, high) in entry["intervals"].items():
+        if low is None:
+            continue
+        assert low <= entry[key] <= high
+        assert key == "dem.bias_m" or low >= 0
+        assert key not in SHARES or high <= 1
+    assert entry["intervals"]["dem.bias_m"][0] < 0
+    assert entry["intervals"]["sites.false_safe"][1] > 0.4
+
+
+def test_choices_of_one_kind_in_all_scenes_are_no_certainty():
+    entry = summary(*[(0.1, 0.5, 0.0, 0.01)] * 8)
+    assert entry["intervals"]["sites.unsafe_choice"] == pytest.approx(wilson_interval(0.0, 8))
+    assert entry["intervals"]["sites.unsafe_choice"][1] == pytest.approx(0.324, abs=1e-3)
+    assert summary((0.1, 0.5, 0.0, 0.01))["intervals"]["sites.unsafe_choice"] == [None, None]
