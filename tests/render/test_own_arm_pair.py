@@ -1,4 +1,4 @@
-"""A pair with the user's own arm: what each pixel of a link saw lies on the shape of the file, at the pose of pair.json."""
+"""A pair with the user's own arm: what each pixel of a link saw is on the shape of the file, at the stated pose."""
 
 from __future__ import annotations
 
@@ -55,7 +55,8 @@ def from_tetrahedron(sides: tuple[float, float, float]) -> Callable[[np.ndarray]
 
 #: By link, the distance in metres of points (n, 3) of its frame from that surface, positive outside.
 DISTANCES = {"post": from_cylinder, "beam": from_box, "wedge": from_tetrahedron((0.3, -0.24, 0.16)),
-             "knife": from_tetrahedron((0.25, 0.25, 0.15)), "ball": lambda points: np.linalg.norm(points, axis=1) - 0.08}
+             "knife": from_tetrahedron((0.25, 0.25, 0.15)),
+             "ball": lambda points: np.linalg.norm(points, axis=1) - 0.08}
 
 
 @pytest.fixture(scope="module")
