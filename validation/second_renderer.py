@@ -48,13 +48,16 @@ _LAMBERT = {"model": "LAMBERT", "albedo": 0.8}
 _HAPKE, _SNOW = {"model": "HAPKE"}, {"model": "SNOW", "albedo": 0.95}
 _HORIZON = {"rig": {"pitch_deg": 12.0}, "light": {"sun_elevation_deg": 30.0, "sun_azimuth_deg": 250.0}}
 _TURNED_AWAY = ("Cause, by the next scene: Mitsuba draws Lambert's law black where a shading normal turns away from a "
-                "camera that sees the facet; Cycles does not")
+                "camera that sees the facet; Cycles does not. With a law that is not, 3.4 % become 0.3 % "
+                "(`benchmarks/shading_normals.py`)")
 _TURNED_FROM_SUN = ("Cause, by the scene with flat facets: on a facet that turns from the Sun, where the smooth normal "
                     "does not, Cycles lets the sunlight in and Mitsuba does not")
 _BEHIND = {"sun_elevation_deg": 40.0, "sun_azimuth_deg": 180.0}
 _LOW = {"light": {"sun_elevation_deg": 20.0, "sun_azimuth_deg": 300.0}}
 _COARSE = ("Cause, by the next scene: shading normals. The renderers differ on facets that turn from the Sun or from "
-           "the camera where the smooth normal does not, and here facets are several pixels wide")
+           "the camera where the smooth normal does not, and here facets are several pixels wide. With a law that is "
+           "not black there, and without the 16 % of the pixels that see facets turned from the Sun, an RMS of 5.1 % "
+           "becomes 0.8 % (`benchmarks/shading_normals.py`)")
 _DARK = ("Cause: noise of dark regions. Renders in Mitsuba with other seeds (`mitsuba_render.py SCENE SAMPLES SEED`) "
          "differ as much")
 _STEEP = {"rms_slope_deg": 25.0}
