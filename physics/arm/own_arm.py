@@ -7,6 +7,7 @@ move, and the first link, have limits of 0.
 from __future__ import annotations
 
 import math
+import stat
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -95,6 +96,8 @@ def _state(path: Path) -> tuple[int, int]:
         there = path.stat()
     except OSError as error:
         raise IcyMoonError(f"{path}: cannot be read ({error.strerror}); check lander.file.") from None
+    if not stat.S_ISREG(there.st_mode):  # a pipe or a device may never end
+        raise IcyMoonError(f"{path}: is no file; check lander.file.")
     return there.st_size, there.st_mtime_ns
 
 
@@ -119,10 +122,12 @@ def _build(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, in
     free = [each.name for each in urdf.joints if each.kind not in FIXED and each.mimic is None]
     follows = [(None, 1.0, 0.0), *((each.name if each.name in free else None, 1.0, 0.0) if each.mimic is None
                                    else each.mimic for each in urdf.joints)]
-    solids = {names[link]: solid for link in order
-              if (solid := _solid(path, link, urdf.links[link])) is not None}
-    if (count := sum(len(solid.triangles) for solid in solids.values())) > MOST_TRIANGLES:
-        raise IcyMoonError(f"{path}: its meshes have {count} triangles, more than {MOST_TRIANGLES}; make them coarser.")
+    solids: dict[str, Solid] = {}
+    left = MOST_TRIANGLES
+    for link in order:
+        if (solid := _solid(path, link, urdf.links[link], left)) is not None:
+            solids[names[link]] = solid
+            left -= len(solid.triangles)
     return OwnArm(joints, np.array([free.index(name) if name else -1 for name, _, _ in follows]),
                   np.array([factor for _, factor, _ in follows]), np.array([offset for *_, offset in follows]),
                   tuple(free), solids, _capsules(joints, solids))
@@ -130,13 +135,28 @@ def _build(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, in
 
 def _link_names(urdf: Urdf) -> dict[str, str]:
     """Our name of each link: its own, unless a part of the lander has it."""
-    return {link: f"arm_{link}" if link in OURS else link for link in urdf.links}
+    found = {link: link for link in urdf.links}
+    for link in OURS:
+        if link in found:
+            name = f"arm_{link}"
+            while name in urdf.links:
+                name = f"arm_{name}"
+            found[link] = name
+    return found
 
 
-def _solid(path: Path, link: str, shapes: tuple[Shape, ...]) -> Solid | None:
+def _solid(path: Path, link: str, shapes: tuple[Shape, ...], most: int) -> Solid | None:
+    """What is seen of a link, of not more triangles than ``most``."""
     if not shapes:
         return None
-    whole = join([_of_shape(shape) for shape in shapes])
+    made: list[Solid] = []
+    for shape in shapes:
+        made.append(_of_shape(shape))
+        most -= len(made[-1].triangles)
+        if most < 0:  # before the next one: a file may name one mesh many times
+            raise IcyMoonError(f"{path}: its shapes have more than {MOST_TRIANGLES} triangles; make them coarser or "
+                               "fewer.")
+    whole = join(made)
     if (widest := float(np.abs(whole.vertices).max())) > _WIDEST_M:
         raise IcyMoonError(f"{path}: link {link} reaches {widest:.3g} m; its mesh is likely in millimetres: give it "
                            "scale=\"0.001 0.001 0.001\".")

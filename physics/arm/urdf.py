@@ -24,6 +24,8 @@ MOST_BYTES, MOST_LINKS = 4_000_000, 50
 FIXED, TURNS, SLIDES = ("fixed",), ("revolute", "continuous"), ("prismatic",)
 #: Largest coordinate in metres of an origin, a limit or a size.
 _MOST_M = 1e3
+#: Part of the namespace of macros that are not expanded yet.
+_XACRO = "/wiki/xacro}"
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,8 @@ class _Reader:
             robot = ElementTree.fromstring(text.encode())
         except (ElementTree.ParseError, ValueError, RecursionError) as error:
             self.fail(f"is no XML ({error})", "give a URDF file")
+        if any(_XACRO in item.tag for item in robot.iter()):
+            self.fail("has macros of xacro", "expand it first: xacro FILE > arm.urdf")
         if robot.tag != "robot":
             self.fail(f"begins with <{shorten(robot.tag)}> and not with <robot>", "give a URDF file")
         return robot

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
 
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
+from icymoon.physics.arm import own_arm as own_arms
 from icymoon.physics.arm.collisions import find_self_collisions, segment_distance
 from icymoon.physics.arm.kinematics import forward
 from icymoon.physics.arm.lander_arm import arm_of, joint_facts, joint_values, keypoints_of, solids_of
@@ -212,3 +214,38 @@ def test_a_link_with_a_name_of_ours_gets_another(tmp_path):
     box = '<visual><geometry><box size="0.1 0.1 0.1"/></geometry></visual>'
     path = write_robot(tmp_path, JOINTS.replace('"tool"', '"body"'), (*LINKS[:-1], "body"), {"body": box})
     assert {"body", "arm_body"} <= set(solids_of(described(path)))
+
+
+def test_names_of_links_stay_apart_whatever_they_are(tmp_path):
+    ball = '<visual><geometry><sphere radius="0.1"/></geometry></visual>'
+    names = ("base", "body", "arm_body", "arm_arm_body")
+    joints = "".join(f'<joint name="j{k}" type="fixed"><parent link="base"/><child link="{name}"/></joint>'
+                     for k, name in enumerate(names[1:]))
+    own = own_arm(described(write_robot(tmp_path, joints, names, dict.fromkeys(names, ball))))
+    assert len({joint.link for joint in own.joints}) == len(own.solids) == 4
+    assert "body" not in own.solids
+
+
+def test_one_mesh_many_times_is_refused_before_all_are_made(tmp_path, monkeypatch):
+    write_stl(tmp_path / "m.stl")
+    made = []
+    monkeypatch.setattr(own_arms, "MOST_TRIANGLES", 100)
+    monkeypatch.setattr(own_arms, "read_link_mesh", lambda path: made.append(path) or read_link_mesh(path))
+    shapes = {"one": visual("m.stl") * 20, "two": visual("m.stl") * 9000}
+    (reason,) = lander_reasons(described(write_robot(tmp_path, shapes=shapes)))
+    assert "more than 100 triangles" in reason
+    assert len(made) == 100 // len(FACES) + 1
+
+
+def test_macros_that_are_not_expanded_are_told(tmp_path):
+    (tmp_path / "arm.urdf").write_text('<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:arm n="1"/>'
+                                       '<link name="a"/></robot>', encoding="utf-8")
+    (reason,) = lander_reasons(described(tmp_path / "arm.urdf"))
+    assert "expand it first" in reason
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with a name are of Unix")
+def test_a_pipe_is_no_file_and_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "arm.urdf")
+    (reason,) = lander_reasons(described(tmp_path / "arm.urdf"))
+    assert "is no file" in reason
