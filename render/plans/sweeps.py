@@ -133,6 +133,9 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
         if topic == _PRESETS and isinstance(values, Mapping):
             found += [(f"{_PRESETS}.{key}", None, stated, place.at(key)) for key, stated in values.items()]
             continue
+        if topic.partition(".")[0] in TOPICS and topic not in TOPICS:
+            raise IcyMoonError(f"{place}: quotes make a name of {topic!r} that no setting has; write {topic} without "
+                               "them.")
         if topic not in (_PRESETS, *TOPICS):
             raise IcyMoonError(f"{place}: a {sweep.kind} sweep has no {topic}, {nearest(topic, [*also, *TOPICS])}")
         if topic == _PRESETS:
