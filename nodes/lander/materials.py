@@ -1,7 +1,10 @@
-"""Materials of the lander: anodized metal, black and white paint, foil, composite tubes, with frost on what looks up.
+"""Materials of the lander: anodized metal, black, silver and white paint, foil, with frost on what looks up.
 
-Reflectances are chosen, in the range of such coatings (Gilmore 2002, *Spacecraft Thermal Control Handbook*, table A.1:
-black paint absorbs 0.96, white paint 0.2, clear anodize 0.27 and gilded foil about 0.3 of sunlight).
+Reflectances of sunlight are 1 less the solar absorptance of such coatings. Clear anodize absorbs 0.27 (Gilmore 2002,
+*Spacecraft Thermal Control Handbook*, table A.1); black polyurethane paint 0.95, conducting silver paint 0.37, white
+silicone paint 0.26, Kapton over aluminium 0.40 and polished titanium 0.60 (Fortescue et al. 2011, *Spacecraft Systems
+Engineering*, table 11.3). The reflection of a dielectric's surface is 0.04 of it. How much of it is a gloss, and how
+wide, is chosen, as are the hues: under a black sky a mere mirror is black but for its glints.
 """
 
 from __future__ import annotations
@@ -24,7 +27,7 @@ _WHITE = (1.0, 1.0, 1.0, 1.0)
 
 @dataclass(frozen=True)
 class _Finish:
-    """Colour, whether it is a metal, roughness, depth of its creases in metres, and length of their facets."""
+    """Colour, share of a metal's gloss, roughness, depth of its creases in metres, and length of their facets."""
 
     colour: tuple[float, float, float]
     metal: float
@@ -34,12 +37,12 @@ class _Finish:
 
 
 FINISHES = {
-    names.METAL: _Finish((0.73, 0.72, 0.70), 1.0, 0.42, 0.00004, 0.004),
-    names.STEEL: _Finish((0.62, 0.60, 0.57), 1.0, 0.25),
-    names.BLACK: _Finish((0.035, 0.035, 0.037), 0.0, 0.55),
-    names.TUBE: _Finish((0.055, 0.055, 0.06), 0.0, 0.32, 0.00006, 0.006),
-    names.WHITE: _Finish((0.8, 0.8, 0.78), 0.0, 0.6),
-    names.FOIL: _Finish((0.95, 0.66, 0.26), 1.0, 0.2, 0.006, 0.045),
+    names.METAL: _Finish((0.74, 0.73, 0.71), 0.45, 0.5, 0.00004, 0.004),
+    names.STEEL: _Finish((0.43, 0.40, 0.37), 0.7, 0.35),
+    names.BLACK: _Finish((0.012, 0.012, 0.013), 0.0, 0.55),
+    names.TUBE: _Finish((0.62, 0.61, 0.59), 0.2, 0.5, 0.00006, 0.006),
+    names.WHITE: _Finish((0.74, 0.73, 0.70), 0.0, 0.6),
+    names.FOIL: _Finish((0.88, 0.61, 0.25), 0.85, 0.22, 0.006, 0.045),
 }
 #: Frost: where it is, it hides the metal; wavelength of its patches in metres; cosine of the slope at which it ends.
 _FROST, _PATCH_M, _LEAST_UP = _Finish((0.9, 0.9, 0.9), 0.0, 0.9), 0.06, 0.35

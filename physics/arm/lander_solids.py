@@ -1,7 +1,7 @@
 """The lander and its arm as solids, by link, in the frame of each link.
 
 A design of our own with the parts of published landers: a deck over a body in foil, legs with a shock absorber and two
-struts, round pads, a mast, an arm of composite tubes between metal joints, cables, a bucket with a blade. Sizes are
+struts, round pads, a mast, an arm of painted tubes between metal joints, cables, a bucket with a blade. Sizes are
 settings; what is between them follows.
 """
 
@@ -82,7 +82,7 @@ def _turret(arm: ArmSettings) -> Solid:
 
 
 def _segment(length: float, radius: float, joint: float, side: int) -> Solid:
-    """Upper arm or forearm: a joint, a composite tube between metal fittings, a cable with clamps, and a fork."""
+    """Upper arm or forearm: a joint, a painted tube between metal fittings, a cable with clamps, and a fork."""
     width, inner = 1.45 * joint, joint * 1.05
     end = length - inner
     parts = [*_joint(joint, width if side > 0 else width * 0.9),
@@ -223,7 +223,7 @@ def _leg(lander: LanderSettings, foot: tuple[float, float, float],
     ankle = np.array([x, y, z + 0.45 * r + 0.02])
     hip = np.array([front - 0.28, side * 0.93 * half, top - 0.09])
     knee = hip + 0.6 * (ankle - hip)
-    parts = [rod(METAL, tuple(hip), tuple(knee), 0.036), rod(STEEL, tuple(knee), tuple(ankle), 0.024),
+    parts = [rod(FOIL, tuple(hip), tuple(knee), 0.036), rod(STEEL, tuple(knee), tuple(ankle), 0.024),
              rod(BLACK, tuple(knee - 0.03 * (ankle - hip)), tuple(knee + 0.012 * (ankle - hip)), 0.042),
              box(METAL, (0.12, 0.05, 0.14), tuple(hip), 0.01), ball(METAL, tuple(ankle), 0.04)]
     low = max(floor + 0.04, 0.12)
