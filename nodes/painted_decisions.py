@@ -23,8 +23,8 @@ from .painted_errors import ROLE, add_colours, begin, corners_of, find, to_world
 NAME = "Icy Moon Decisions"
 SITE, REACH = "Chosen Site", "Reach"
 #: Linear colours of the marks, which no map has, and what a legend states of them, with its icon.
-_MARKS = {SITE: ((1.0, 0.0, 0.6, 1.0), "Ring: the chosen site, pink", "COLORSET_05_VEC"),
-          REACH: ((0.0, 0.6, 1.0, 1.0), "Line: the reach of the arm, light blue", "COLORSET_08_VEC")}
+_MARKS = {SITE: ((1.0, 0.0, 0.5, 1.0), "Chosen site, magenta ring", "COLORSET_05_VEC"),
+          REACH: ((0.0, 0.9, 1.0, 1.0), "Reach of the arm, cyan line", "COLORSET_08_VEC")}
 #: The maps, as what a legend calls them.
 TITLES = {SUITABILITY: "Suitability", SLOPE: "Slope", HEIGHT_ERROR: "Height error"}
 _COUNTS = "icymoon_cells"  # custom property of the collection

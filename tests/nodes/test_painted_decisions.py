@@ -99,16 +99,14 @@ def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
     np.testing.assert_allclose(place.max(axis=0)[:2], (-1.5 + 25 * CELL_M, 1.0 - 2 * CELL_M), atol=1e-6)
     assert site.hide_render
     assert reach.hide_render
-    marks = [text for text, _ in painted_decisions.legend(bpy.context.scene) if text.startswith(("Ring", "Line"))]
-    assert len(marks) == 2
-    assert marks[0].endswith("pink")
-    assert marks[1].endswith("light blue")
+    told = {text for text, _ in painted_decisions.legend(bpy.context.scene)}
+    assert {"Chosen site, magenta ring", "Reach of the arm, cyan line"} <= told
     assert min(site.color[0], reach.color[2]) > 0.9  # red and blue at their most
     assert max(site.color[1], reach.color[0]) < 0.1
     none = painted_decisions.paint(bpy.context.scene, built, replace(made(), chosen=None, reach=None), "bm")
     assert not none.objects
     assert "Reach" not in bpy.data.curves
-    assert not any(text.startswith(("Ring", "Line")) for text, _ in painted_decisions.legend(bpy.context.scene))
+    assert not any(text.startswith(("Chosen", "Reach")) for text, _ in painted_decisions.legend(bpy.context.scene))
 
 
 @pytest.mark.heavy
