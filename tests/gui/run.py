@@ -4,6 +4,7 @@
     python tests/gui/run.py 5.2 --steps=A,B          some steps of drive.py, by their names
     python tests/gui/run.py --shots [4.3] …          no test, but pictures of every panel in both themes to look at
     python tests/gui/run.py --manual [4.3]           the pictures of the tutorial
+    python tests/gui/run.py --narrow [4.3]           a narrow sidebar, the menus, decisions on the ground
 
 'named' is the Blender whose path ICYMOON_BLENDER holds. Screenshots and steps.json are left in
 out/gui/<Blender>. The status is 0 if every step of every Blender succeeded, and at least one ran.
@@ -17,6 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -63,11 +65,16 @@ def shoot(blender: Blender, archive: Path, *what: str) -> str:
     return f"{len(list(folder.glob('*.png')))} pictures in {folder}"
 
 
+def shoot_only(what: str, blender: Blender, archive: Path) -> str:
+    """Take the pictures of one kind, see ``shots.py``."""
+    return shoot(blender, archive, what)
+
+
 def main(words: list[str]) -> int:
     """Drive the named Blenders, or all there are; or take pictures."""
     names = [word for word in words if not word.startswith("--")]
     pictures: dict[str, Callable[[Blender, Path], str]] = {
-        "--shots": shoot, "--manual": lambda blender, archive: shoot(blender, archive, "manual")}
+        "--shots": shoot, **{f"--{what}": partial(shoot_only, what) for what in ("manual", "narrow")}}
     steps = [step for word in words if word.startswith("--steps=") for step in word.partition("=")[2].split(",")]
     act = pictures.get(words[0] if words else "", lambda blender, archive: drive(blender, archive, *steps))
     failed = ran = 0
