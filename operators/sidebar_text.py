@@ -31,7 +31,7 @@ DISPARITY_ERROR_PX = 0.25
 Found = TypeVar("Found")
 _MOST_KEPT = 4
 LINE = 36  # characters that fit the sidebar as Blender opens it
-_ICON = 4  # characters that an icon takes
+_ICON = 6  # characters that an icon takes, those of a narrow sidebar being wide
 _WIDTH_PX, _SHORTEST = 280, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
 #: 'quality.truth', 'quality.truth is DEPTH', 'quality.truth to DEPTH', 'quality.truth = DEPTH', 'quality.truth DEPTH'
 _NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?:( (?:(?:is|to|=) )?)([A-Z]\w*))?")

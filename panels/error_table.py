@@ -31,7 +31,7 @@ def draw_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str,
                 _draw_metric(rest, name, value)
         _draw_buttons(box, scene, row["method"])
     draw_sentence(layout, "Wrong: off by over 1 px, or missing. The grey metrics are of covered pixels.")
-    draw_sentence(layout, "Depth order off (DOD): share of pairs of pixels of which the wrong one is nearer. Shape "
+    draw_sentence(layout, "Wrong order (DOD): share of pairs of pixels of which the wrong one is nearer. Shape "
                           "error (si-RMSE): spread of the ratio of measured to true depth, blind to scale.")
     if any(row["ranks"] for row in rows):
         draw_sentence(layout, "Rank: by wrong pixels, a range where the scenes leave it open. Star: no matcher is "
@@ -56,8 +56,8 @@ def _main_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
 
 
 def _other_metrics(row: Mapping[str, Any]) -> tuple[tuple[str, str], ...]:
-    return (("Mean error (L1)", results.metres(row["l1_m"])), ("Over 10 cm off", results.percent(row["l1_rate_10"])),
-            ("Depth order off", results.percent(row["dod"])), ("Shape error", results.number(row["si_rmse"], 4)))
+    return (("Mean L1 error", results.metres(row["l1_m"])), ("Over 10 cm off", results.percent(row["l1_rate_10"])),
+            ("Wrong order", results.percent(row["dod"])), ("Shape error", results.number(row["si_rmse"], 4)))
 
 
 def _draw_metric(column: Any, name: str, value: str) -> None:

@@ -7,13 +7,17 @@ from typing import Any, NamedTuple
 
 from .. import scene_properties
 from ..operators import jobs
-from ..operators.sidebar_text import in_lines, plain
+from ..operators.sidebar_text import in_lines, line_length, plain
 from ..settings.table import TOPICS, Setting
 from ..typed_settings import Settings
 from .relevance import has_effect, is_shown
 
 #: Choices that the panel explains, by the first sentence of their tooltip.
 _EXPLAINED = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}
+
+
+#: Characters that the icon of a button takes.
+_BESIDE_WORDS = 4
 
 
 class _Field(NamedTuple):
@@ -69,7 +73,10 @@ def draw_start(layout: Any, operator: str, text: str, icon: str = "NONE", **prop
 
     Blender keeps the button under the mouse as it was when the mouse came to it, so the same button would stay grey
     after the end of the job until the mouse leaves it. A button of another operator is a new one.
+
+    Where the sidebar is too narrow for both, it has the words without the icon.
     """
+    icon = icon if len(text) <= line_length() - _BESIDE_WORDS else "NONE"
     if jobs.current is not None:
         layout.operator("icymoon.wait", text=text, icon=icon)
         return

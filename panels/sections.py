@@ -24,6 +24,8 @@ class Section:
 
 
 ADVANCED = "advanced"
+#: What a narrow sidebar has room for after Advanced, of topics with a longer label.
+_BRIEF = {"rig": "Camera", "sensor": "Exposure", "quality": "Quality"}
 #: Topics whose panel is inside the panel of another topic.
 INSIDE = {"source": "terrain", "excavation": "terrain", "hills": "terrain", "mesh": "terrain", "hapke": "surface",
           "textures": "surface", "rock_surface": "rocks", "arm": "lander", "workspace": "lander"}
@@ -31,7 +33,7 @@ INSIDE = {"source": "terrain", "excavation": "terrain", "hills": "terrain", "mes
 
 def _advanced(topic: str, *settings: str) -> Section:
     # Blender indents what is inside a sub-panel no further, so the label tells what it belongs to.
-    return Section(topic, ADVANCED, f"Advanced {TOPICS[topic].label.partition(' and ')[0]}",
+    return Section(topic, ADVANCED, f"Advanced {_BRIEF.get(topic, TOPICS[topic].label)}",
                    "Settings that few scenes change", settings)
 
 

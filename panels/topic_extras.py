@@ -18,7 +18,7 @@ from ..physics.surfaces import albedos, principled
 from ..settings.preset_files import load, preset_header, preset_names, preset_path
 from ..settings.table import TOPICS
 from ..typed_settings import HapkeSettings, SurfaceSettings
-from .fields import draw_lines, draw_sentence, draw_settings
+from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 from .sections import ELSEWHERE
 
 _albedo_advice, _albedos = remember(principled.albedo_advice), remember(albedos.albedos)
@@ -47,7 +47,9 @@ def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
     column = layout.column(align=True)
     column.active = not earlier
     draw_lines(column, ("Of the ground built before:" if earlier else "Of the ground as it is built:", *lines[:2]))
-    column.operator("icymoon.show_roughness", text=lines[2])
+    fits = len(lines[2]) <= sidebar_text.line_length() - 2  # characters that the ends of a button take
+    draw_lines(column, () if fits else (lines[2],))
+    column.operator("icymoon.show_roughness", text=lines[2] if fits else "Measured Roughness")
 
 
 def _draw_moons(layout: Any, context: bpy.types.Context) -> None:
@@ -82,12 +84,13 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
     """A button for each quality with its seconds and its error; the one that the scene has is pressed."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
     column = layout.column(align=True)
-    titles = column.split(factor=0.45, align=True)
-    for title in ("", "A pair, stereo error"):
+    narrow = sidebar_text.line_length() < sidebar_text.LINE - 4  # then what a quality takes is below its button
+    titles = column if narrow else column.split(factor=0.45, align=True)
+    for title in ("A pair, stereo error",) if narrow else ("", "A pair, stereo error"):
         titles.label(text=title)
     *shipped, own = sidebar_text.list_quality_presets(settings)
     for quality in shipped:
-        row = column.split(factor=0.45, align=True)
+        row = column if narrow else column.split(factor=0.45, align=True)
         button = row.row(align=True)
         button.enabled = not quality.lacks
         button.operator("icymoon.load_preset", text=quality.title, depress=quality.chosen).preset = quality.name
@@ -102,7 +105,7 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
         draw_lines(column, (f"With the settings below: {own.brief}",))
     draw_sentence(column, sidebar_text.speed_line(settings))
     layout.operator_context = "INVOKE_DEFAULT"
-    layout.operator("icymoon.auto_quality", text="Find Cheapest Quality…", icon="VIEWZOOM")
+    draw_start(layout, "icymoon.auto_quality", "Find Cheapest Quality…", "VIEWZOOM")
 
 
 def _draw_camera_notes(layout: Any, context: bpy.types.Context) -> None:

@@ -155,3 +155,38 @@ def test_fields_are_found_once_for_the_same_settings_and_anew_after_a_change(sce
         scene.icymoon.surface.model = model
         shown = [each.setting.key for each in fields.find_fields(scene.icymoon, "surface", keys)]
         assert shown == [key for key in keys if is_shown("surface", key, scene.icymoon)]
+
+
+def icons_of_buttons(draw, monkeypatch, width: int) -> dict[str, str]:
+    for module in (fields, sidebar_text):
+        monkeypatch.setattr(module, "line_length", lambda: width)
+    found, operator = {}, Layout.operator
+
+    def noted(self, name, **options):
+        found[options.get("text", "")] = options.get("icon", "NONE")
+        return operator(self, name, **options)
+
+    monkeypatch.setattr(Layout, "operator", noted)
+    draw()
+    return found
+
+
+def test_words_of_a_button_come_before_its_icon_in_a_narrow_sidebar(scene, monkeypatch):
+    def draw() -> None:
+        drawn(bpy.types.ICYMOON_PT_evaluation)
+
+    # As seen in a sidebar of 200 pixels: 21 letters have room beside the icon.
+    icons = icons_of_buttons(draw, monkeypatch, 25)
+    assert icons["Evaluate Stereo Pair"] != "NONE"
+    assert icons["Evaluate Whole Data Set"] == "NONE"
+    assert icons_of_buttons(draw, monkeypatch, LINE)["Evaluate Whole Data Set"] != "NONE"
+
+
+def test_a_narrow_sidebar_has_the_time_of_a_quality_below_its_button(scene, monkeypatch):
+    kinds = {}
+    for width in (25, LINE):
+        monkeypatch.setattr(sidebar_text, "line_length", lambda width=width: width)
+        kinds[width] = [entry[0] for entry in drawn(bpy.types.ICYMOON_PT_quality)]
+    assert kinds[25].count("label") >= 5
+    assert "split" in kinds[LINE]
+    assert kinds[25].count("split") < kinds[LINE].count("split") - 3
