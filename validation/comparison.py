@@ -10,8 +10,11 @@ import importlib.util
 import math
 import sys
 import time
+import traceback
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -168,7 +171,7 @@ def run_comparison(comparison: Comparison, bench: Bench) -> Result:
 def load_own_comparison(path: Path) -> Comparison:
     """The ``COMPARISON`` of a user's Python file, which is run. Only a path of the command line may come here.
 
-    Raises IcyMoonError if the file is missing, cannot be run or has none.
+    Raises IcyMoonError if the file is missing, cannot be run or has none. What fails in it later is one too.
     """
     fix = "write COMPARISON = Comparison(...) into it, see Validation in the manual"
     if not path.is_file():
@@ -185,4 +188,27 @@ def load_own_comparison(path: Path) -> Comparison:
     found = getattr(module, "COMPARISON", None)
     if not isinstance(found, Comparison):
         raise IcyMoonError(f"{path} has no comparison; {fix}.")
-    return found
+    if found.needs not in ("", "polar"):
+        raise IcyMoonError(f"{path}: no option gives the folder of needs={found.needs!r}; say 'polar', or leave it out "
+                           "and let the file find its data.")
+    return replace(found, compare=partial(_compare_by_file, path, found.compare))
+
+
+def _compare_by_file(path: Path, compare: Callable[[Bench], list[Row]], bench: Bench) -> list[Row]:
+    """The rows of a user's function. Whatever it raises or returns instead is an IcyMoonError with its line."""
+    try:
+        rows = compare(bench)
+    except IcyMoonError:
+        raise
+    except Exception as error:
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__)
+                 if Path(frame.filename) == path.absolute()]
+        at = f", line {lines[-1]}" if lines else ""
+        raise IcyMoonError(f"{path}{at}: the comparison fails ({type(error).__name__}: {error}); fix it.") from error
+    if not isinstance(rows, list | tuple) or not all(isinstance(row, Row) for row in rows):
+        raise IcyMoonError(f"{path}: the comparison returns {type(rows).__name__} and not a list of Row; return one.")
+    for row in rows:
+        if not all(isinstance(number, Real) for number in (row.ours, row.theirs, row.allowed)):
+            raise IcyMoonError(f"{path}: ours, theirs and allowed of the row {row.quantity!r} are not all numbers; "
+                               "give numbers.")
+    return list(rows)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import subprocess
 import sys
 
@@ -86,6 +87,35 @@ def test_a_bad_file_is_one_sentence(tmp_path, text, word):
     if text is not None:
         file.write_text(text, encoding="utf-8")
     with pytest.raises(IcyMoonError, match=word):
+        load_own_comparison(file)
+
+
+@pytest.mark.parametrize(("compare", "word"), [
+    ("1 / 0", r"mine.py, line 3: the comparison fails \(ZeroDivisionError: division by zero\)"),
+    ("3", "returns int and not a list of Row"), ("[('size', 1.0)]", "returns list and not a list of Row"),
+    ("[Row('size', '1', 1.0, 0.1, 's')]", "row 'size' are not all numbers")])
+def test_what_fails_in_a_users_comparison_is_one_sentence(tmp_path, compare, word):
+    file = tmp_path / "mine.py"
+    file.write_text("from icymoon.validation.comparison import Comparison, Row\ndef compare(bench):\n"
+                    f"    return {compare}\nCOMPARISON = Comparison('mine', 'Mine', 'Why.', compare)\n",
+                    encoding="utf-8")
+    found = run_comparison(load_own_comparison(file), Bench(tmp_path))
+    assert not found.passes
+    assert re.search(word, found.error)
+
+
+def test_a_users_comparison_may_return_numpys_numbers_and_sentences_of_ours(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text("import numpy as np\n" + OWN.format(ours="np.float32(1)"), encoding="utf-8")
+    assert run_comparison(load_own_comparison(file), Bench(tmp_path)).passes
+    file.write_text(OWN.format(ours=1).replace("[Row", "bench.render(3) or [Row"), encoding="utf-8")
+    assert "line 3" in run_comparison(load_own_comparison(file), Bench(tmp_path)).error
+
+
+def test_a_users_comparison_cannot_need_an_option_that_is_not_there(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(OWN.format(ours=1).rstrip()[:-1] + ", needs='mars')", encoding="utf-8")
+    with pytest.raises(IcyMoonError, match="no option gives the folder of needs='mars'"):
         load_own_comparison(file)
 
 
