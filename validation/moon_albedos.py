@@ -33,7 +33,10 @@ _SPIKE = ("Likely cause: a measurement that has only part of the narrow surge be
 _FACTS = "an early edition of NASA's Moon Fact Sheet, as archives of it print it"
 _MOON_CURVE = ("Allen 1976 in Krisciunas and Schaefer 1991, PASP 103, 1033; ROLO's curve (Kieffer and Stone 2005) is "
                "within 0.08 mag of it, by the web page amper.ped.muni.cz/light/luminance/moon_cal")
-_SMOOTH = "Likely cause: roughness and phase function are typical and were not fitted to the curve"
+#: The same with a share of back-scattering, and an albedo of grains with which the geometric albedo stays.
+SHARPER = {"c": 0.6, "w": 0.2521}
+_SMOOTH = (f"Cause: the phase function is typical and was not fitted to the curve. With c = {SHARPER['c']:g} and w = "
+           f"{SHARPER['w']:g}, which keep the geometric albedo, all are within 0.04 mag")
 #: Share of Europa's area that is chaos, where it was mapped.
 _CHAOS = 0.3
 _WITHOUT_SURGE = ("Cause, by the row of the phase integral without the surge: the albedo that it is made with leaves "

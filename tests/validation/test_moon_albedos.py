@@ -3,6 +3,9 @@
 import numpy as np
 import pytest
 from icymoon.physics.surfaces import photometry
+from icymoon.physics.surfaces.albedos import law_of
+from icymoon.settings.description import check, defaults, merged
+from icymoon.settings.preset_files import load_preset
 from icymoon.validation import moon_albedos
 from icymoon.validation.comparison import OFF, Bench
 from icymoon.version import ROOT
@@ -46,6 +49,17 @@ def test_the_moons_curve_is_compared_beyond_its_surge(rows):
     # Differences of Allen's polynomial, by hand: 0.78 + 0.00324 at 30°, 1.56 + 0.05184 at 60°.
     assert curve[0].theirs == pytest.approx(1.61184 - 0.78324)
     assert all(row.ours > 0 for row in curve)
+
+
+def test_a_sharper_phase_function_takes_the_difference_to_the_moons_curve_away():
+    settings = merged(defaults(), load_preset("surfaces/hapke_lunar_like"),
+                      check({"hapke": moon_albedos.SHARPER}, "sharper"))
+    law = law_of(settings.surface, settings.hapke)
+    assert photometry.geometric_albedo(law) == pytest.approx(0.12, abs=0.0005)
+    phases = np.array([30.0, 60.0, 90.0, 120.0])
+    ours = -2.5 * np.log10(photometry.disc_brightness(law, np.radians(phases)))
+    apart = ours - (0.026 * phases + 4e-9 * phases**4)
+    assert apart - apart[0] == pytest.approx(0.0, abs=0.04)
 
 
 def test_reflectance_at_five_of_lamberts_law_is_its_albedo_by_the_cosine():
