@@ -1,8 +1,10 @@
-"""The picture of the tutorial on decisions: a left image, the true map, and the maps by some matchers.
+"""The pictures of the tutorial on decisions: a left image, the true map, and the maps by some matchers; or the left
+images before and after something was dug, and the changes that some matchers found.
 
     python docs/make/decision_maps.py DECISIONS PAIR docs/images/decisions.jpg bm sgbm
+    python docs/make/decision_maps.py DECISIONS BEFORE,AFTER docs/images/trench.jpg true_depth sgbm
 
-``DECISIONS`` is what ``icymoon decide`` wrote, ``PAIR`` one of the pairs in it.
+``DECISIONS`` is what ``icymoon decide`` wrote, ``PAIR``, ``BEFORE`` and ``AFTER`` are pairs in it.
 """
 
 from __future__ import annotations
@@ -33,13 +35,22 @@ def column(image: np.ndarray, title: str) -> np.ndarray:
     return np.vstack([strip, square])
 
 
+def left_column(folder: Path, title: str) -> np.ndarray:
+    """The left image of a pair, as a screen shows it."""
+    return column((255 * (read_png(folder / "left.png") / 255.0) ** GAMMA).astype(np.uint8), title)
+
+
 def main(arguments: Sequence[str]) -> None:
     """Write the picture."""
     out, pair, target, *methods = arguments
-    folder = Path(out) / "pairs" / pair
-    left = (255 * (read_png(folder / "left.png") / 255.0) ** GAMMA).astype(np.uint8)
-    columns = [column(left, "left image"), column(read_png(folder / "truth_sites.png"), "truth"),
-               *(column(read_png(folder / f"{method}_outcome.png"), method) for method in methods)]
+    folders = [Path(out) / "pairs" / name for name in pair.split(",")]
+    if len(folders) == 1:
+        columns, kind = [left_column(folders[0], "left image"),
+                         column(read_png(folders[0] / "truth_sites.png"), "truth")], "outcome"
+    else:
+        columns, kind = [left_column(folder, title) for folder, title in zip(folders, ("before", "after"),
+                                                                             strict=True)], "change"
+    columns += [column(read_png(folders[-1] / f"{method}_{kind}.png"), method.replace("_", " ")) for method in methods]
     gap = np.full((SIDE_PX + STRIP_PX, GAP_PX, 3), 255, np.uint8)
     parts = [part for each in columns for part in (each, gap)][:-1]
     Path(target).write_bytes(encoded(np.hstack(parts), ".jpg", 88))

@@ -75,11 +75,13 @@ SCOOP_COLUMNS = (
     Column("dem.beside_share", "Lost beside", "%", 1, "of the cells in reach that the left image shows, those that "
            "only the pixels left out know"))
 COLUMNS = (*DEM, *SITES, *OTHERS, *SCOOP_COLUMNS)
-#: Numbers of at most 1 beside those in %, and those that are yes or no in each pair.
+#: Numbers of at most 1 beside those in %, those that are yes or no in each pair, and shares that endanger: 0 of them in
+#: all scenes is no certainty.
 _SHARES = ("sites.average_precision", "sites.roc_area", "sites.regret")
 _EITHER_OR = ("sites.unsafe_choice", "sites.no_site")
-_INTERVALS = ("95 % over scenes: by Wilson of the choices that are unsafe or missing, else by Student's t inside the "
-              "range of the number")
+_ENDANGERS = ("sites.false_safe", "pads.false_safe")
+_INTERVALS = ("Student's t, inside the range of the number, but Wilson's of choices that are unsafe or missing, and of "
+              "unsafe shares that are 0 in all scenes")
 #: By what methods are compared; less is better but for those of _MORE.
 _COMPARED = ("sites.false_safe", "sites.safe_lost", "sites.average_precision", "dem.rmse_m")
 _MORE = ("sites.average_precision",)
@@ -110,7 +112,7 @@ def write_decisions(out: Path, rows: Sequence[Mapping[str, Any]], facts: Sequenc
               "comparisons": found, "progress": list(progress), "faults": list(faults),
               "rules": rules.to_json(), "failed": list(failed), "notes": notes,
               "provenance": {**provenance, "icymoon": version(), "created": datetime.now(UTC).isoformat(" ", "seconds"),
-                             "intervals": _INTERVALS},
+                             "intervals": f"95 %, over scenes: {_INTERVALS}"},
               "rows": list(rows)}
     write_text(out / "decisions.csv", _csv_text(rows))
     write_json(out / "decisions.json", report)
@@ -161,7 +163,8 @@ def _find_bounds(values: np.ndarray, scenes: np.ndarray, means: np.ndarray) -> n
                           np.array([column.unit == "%" or column.key in _SHARES for column in COLUMNS]))
     number = np.isfinite(scene_means(values, scenes)).sum(axis=0)
     for k, column in enumerate(COLUMNS):
-        if column.key in _EITHER_OR and number[k] >= 2:
+        unseen = column.key in _ENDANGERS and means[k] == 0.0
+        if (column.key in _EITHER_OR or unseen) and number[k] >= 2:
             bounds[k] = wilson_interval(float(means[k]), int(number[k]))
     return bounds
 
@@ -317,7 +320,8 @@ def _page(report: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], facts: S
     return environment.get_template("decisions.html.j2").render(
         report=report, groups=(("Sites", SITES), ("Elevation model", DEM), ("Landing pads and cost", OTHERS),
                 *((("The arm", SCOOP_COLUMNS),) if _has_scoop(rows) else ())),
-        cell=format_cell, bounds=_bounds, several=any(entry["scenes"] > 1 for entry in report["summary"]),
+        cell=format_cell, bounds=_bounds,
+        how=_INTERVALS if any(entry["scenes"] > 1 for entry in report["summary"]) else "",
         titles=titles, roc=_draw_roc(report["summary"]), rules=stated,
         changes=[{"entry": entry, "step": step, "map": embed_picture(out / step["map"], 10_000)}
                  for entry in report["progress"] for step in entry["steps"][-1:] if step["map"]],

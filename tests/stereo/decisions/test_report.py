@@ -38,3 +38,10 @@ def test_choices_of_one_kind_in_all_scenes_are_no_certainty():
     assert entry["intervals"]["sites.unsafe_choice"] == pytest.approx(wilson_interval(0.0, 8))
     assert entry["intervals"]["sites.unsafe_choice"][1] == pytest.approx(0.324, abs=1e-3)
     assert summary((0.1, 0.5, 0.0, 0.01))["intervals"]["sites.unsafe_choice"] == [None, None]
+
+
+def test_no_unsafe_site_in_any_scene_is_no_certainty():
+    entry = summary(*[(0.0, 0.5, 0.0, 0.01)] * 5)
+    assert entry["intervals"]["sites.false_safe"] == pytest.approx(wilson_interval(0.0, 5))
+    one = summary(*[(0.0, 0.5, 0.0, 0.01)] * 4, (0.01, 0.5, 0.0, 0.01))
+    assert one["intervals"]["sites.false_safe"][1] < 0.01  # by Student's t again
