@@ -156,7 +156,7 @@ def join(ground: MeshedGround, grid: Grid, heights_m: np.ndarray) -> MeshedGroun
     hole = next((found for found in holes if found is not None), None)
     if hole is None:
         raise IcyMoonError("Trench and heap do not lie on one piece of ground; move excavation.start_x_m and "
-                           "excavation.start_y_m.")
+                           "excavation.start_y_m, or set mesh.walls to FLUTED if it is BROKEN.")
     kept, loop = hole
     used = np.zeros(len(ground.positions), bool)
     used[faces[kept]] = True
@@ -188,8 +188,8 @@ def _fill_gap(outer_m: np.ndarray, inner_m: np.ndarray) -> np.ndarray:
              for k in range(count)]
     found, _, triangles, of, *_ = geometry.delaunay_2d_cdt(points.tolist(), edges, [], 0, 1e-9)
     if len(found) != len(points):
-        raise IcyMoonError("The mesh round the trench has places that coincide; change excavation.start_x_m or "
-                           "excavation.cell_m a little.")
+        raise IcyMoonError("Ground that overhangs runs across the rim of trench and heap, where no patch fits; set "
+                           "mesh.walls to FLUTED, or move excavation.start_x_m and excavation.start_y_m.")
     original = np.array([each[0] for each in of])
     made = original[np.array(list(triangles), np.int64)]
     a, b, c = (points[made[:, k]] for k in range(3))

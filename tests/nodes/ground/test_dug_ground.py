@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from icymoon.errors import IcyMoonError
 from icymoon.nodes.ground import dug_ground
 from icymoon.nodes.ground.dug_ground import DEPTH, mesh_whole_ground
 from icymoon.nodes.next_scene import open_empty_scene
@@ -137,3 +139,12 @@ def test_a_rock_over_the_trench_falls_to_its_floor():
     assert (heights[2] - heights[0])[moved, 2].min() < -0.05  # to the floor, which is 0.1 m deep
     # They stay at the trench, or roll a little.
     assert np.hypot(*(heights[2] - heights[0])[moved, :2].T).max() < 0.5
+
+
+def test_ground_that_overhangs_at_the_rim_is_a_sentence_with_its_fix():
+    made, grid = mesh_whole_ground(ground_of, complete()), dug(state=0).grid
+    step = float(np.diff(np.unique(made.positions[:, 0].round(6))).min())
+    shift = np.random.default_rng(1).normal(0.0, step, made.positions.shape) * (1.0, 1.0, 0.0)
+    folded = replace(made, positions=made.positions + shift)
+    with pytest.raises(IcyMoonError, match=r"mesh\.walls to FLUTED"):
+        dug_ground.join(folded, grid, np.zeros((grid.rows, grid.columns)))
