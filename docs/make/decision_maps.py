@@ -50,7 +50,8 @@ def main(arguments: Sequence[str]) -> None:
     else:
         columns, kind = [left_column(folder, title) for folder, title in zip(folders, ("before", "after"),
                                                                              strict=True)], "change"
-    columns += [column(read_png(folders[-1] / f"{method}_{kind}.png"), method.replace("_", " ")) for method in methods]
+    columns += [column(read_png(folders[-1] / f"{method}_{kind}.png"),
+                       f"change by {method}".replace("_", " ") if kind == "change" else method) for method in methods]
     gap = np.full((SIDE_PX + STRIP_PX, GAP_PX, 3), 255, np.uint8)
     parts = [part for each in columns for part in (each, gap)][:-1]
     Path(target).write_bytes(encoded(np.hstack(parts), ".jpg", 88))
