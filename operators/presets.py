@@ -33,7 +33,8 @@ from .sidebar_text import in_window, line_length, remember
 OWN = "own/"
 _PICTURE = ".png"
 _CHANGED = ", changed"
-_BESIDE = 9  # characters that the icons and buttons beside a preset's title take
+#: Characters that the icons and buttons beside a preset's title take, and fewest of a title that still say which.
+_BESIDE, _FEWEST = 13, 6
 #: Topics that are the user's, whatever scene is loaded.
 _KEPT = ("dataset", "quality")
 #: Columns and rows of a preset's picture at most.
@@ -111,11 +112,14 @@ def title_of(name: str) -> str:
 
 
 def shown_title(scene: bpy.types.Scene) -> str:
-    """The title of the scene's preset on its button, and that the scene was changed since; cut to what fits there."""
+    """The title of the scene's preset on its button, and that the scene was changed since; cut to what fits there, and
+    without the title where next to nothing of it does."""
     title = title_of(scene.icymoon.preset)
     if not is_changed(scene):
         return title
     room = line_length() - _BESIDE - len(_CHANGED)
+    if room < _FEWEST:
+        return "Changed"
     return f"{title if len(title) <= room else f'{title[:room - 1].rstrip()}…'}{_CHANGED}"
 
 
