@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.validation.comparison import Bench
-from icymoon.validation.polar.camera import Eye, calibrate, turned
-from icymoon.validation.polar.data_set import EYES, View, read_terrains
+from icymoon.validation.polar.camera import Eye, calibrate, compared_share, turned
+from icymoon.validation.polar.data_set import EYES, ROCK, Polygon, Rock, Terrain, View, read_terrains
 from icymoon.validation.polar.hand import lay_on_sand, measure_hand
 from icymoon.validation.polar.lamp import HeightTable, Shadows, fit_lamps, shadow_of
 from icymoon.validation.polar.sand import fit_sand
@@ -58,6 +58,26 @@ def test_labels_of_other_rocks_are_refused(scene):
                       for k, rock in enumerate(terrain.rocks))
     with pytest.raises(IcyMoonError, match="of one terrain"):
         calibrate(replace(terrain, rocks=elsewhere))
+
+
+def test_rocks_without_an_outline_count():
+    view, rocks = View("A", "L"), tuple(Rock(k, np.zeros((3, 3)), np.zeros((1, 3), int)) for k in range(10))
+    outlines = tuple(Polygon(ROCK, np.zeros((3, 2))) for _ in range(8))
+    terrain = Terrain("04", rocks, {(view, 30): outlines, (view, 180): outlines})
+    found = np.full((10, 13), np.nan)
+    found[:2] = 1.0
+    # Of ten rocks eight are outlined, and two are compared.
+    assert compared_share(terrain, {view: found}) == pytest.approx(2 / 8)
+    found[:] = 1.0
+    assert compared_share(replace(terrain, rocks=rocks[:4]), {view: found[:4]}) == 1.0
+
+
+@pytest.mark.heavy
+def test_a_camera_that_a_few_rocks_of_another_terrain_agree_with_is_refused(scene, monkeypatch):
+    _, _, terrain, _, _ = scene
+    monkeypatch.setattr("icymoon.validation.polar.camera.compared_share", lambda *found: 0.1)
+    with pytest.raises(IcyMoonError, match=r"only 10% of the outlines .* of one terrain"):
+        calibrate(terrain)
 
 
 @pytest.mark.heavy
