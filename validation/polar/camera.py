@@ -261,9 +261,9 @@ def compared_share(terrain: Terrain, targets: dict[View, np.ndarray]) -> float:
     a camera can be fitted to so few.
     """
     compared = sum(int(np.isfinite(target).any(axis=1).sum()) for target in targets.values())
-    outlined = [np.median([len(terrain.polygons(view, azimuth, ROCK)) for azimuth in terrain.azimuths])
+    outlined = [float(np.median([len(terrain.polygons(view, azimuth, ROCK)) for azimuth in terrain.azimuths]))
                 for view in targets]
-    return compared / max(sum(min(len(terrain.rocks), count) for count in outlined), 1.0)
+    return compared / max(sum(min(float(len(terrain.rocks)), count) for count in outlined), 1.0)
 
 
 def _outline_supports(terrain: Terrain, view: View, middles: np.ndarray, reach_px: float) -> np.ndarray:
