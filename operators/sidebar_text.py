@@ -14,6 +14,7 @@ import bpy
 
 from .. import compat
 from ..errors import IcyMoonError
+from ..number_text import show_rounded
 from ..physics.camera.blur import blur_advice, blur_of, confusion_px, motion_px
 from ..physics.camera.lens_distortion import coefficients, overscan_needed
 from ..physics.camera.stereo_geometry import GroundRow, depth_error_m, ground_row, shared_width_px
@@ -238,14 +239,10 @@ def _row_lines(name: str, row: GroundRow, rig: RigSettings) -> list[str]:
     if math.isinf(row.depth_m):
         return [f"{name} above the horizon"]
     shared = 100 * shared_width_px(rig, row.depth_m) / int(rig.width_px)
-    return [f"{name} {row.depth_m:.2f} m ± {100 * depth_error_m(row.depth_m, rig, DISPARITY_ERROR_PX):.2g} cm",
+    error_m = depth_error_m(row.depth_m, rig, DISPARITY_ERROR_PX)
+    return [f"{name} {row.depth_m:.2f} m ± {show_rounded(100 * error_m)} cm",
             f"    {row.width_m:.3g} m wide, {shared:.0f} % in both eyes",
-            f"    {_two_digits(1000 * row.across_m)} x {_two_digits(1000 * row.along_m)} mm per pixel"]
-
-
-def _two_digits(value: float) -> str:
-    """A number to two significant digits, without an exponent."""
-    return f"{float(f'{value:.2g}'):,.10g}".replace(",", " ")
+            f"    {show_rounded(1000 * row.across_m)} x {show_rounded(1000 * row.along_m)} mm per pixel"]
 
 
 #: Number of triangles in estimates, for ground that is not built yet. The time depends little on it.

@@ -26,6 +26,7 @@ from ..files import sha256
 from ..labels import BAKED_ATTRIBUTE
 from ..nodes.datablocks.fingerprint import added_objects
 from ..nodes.scene import Built
+from ..number_text import show_rounded
 from ..physics.light import baked_texels
 from ..physics.light.baked_noise import noise_of, samples_needed
 from ..physics.random_numbers.seeds import stream
@@ -76,8 +77,8 @@ class Indirect:
         """
         if self.light is None or stated is None or not 0 < limit < stated["noise"]:
             return ""
-        return (f"baked light would have noise of {100 * stated['noise']:.2g} % of the light, because "
-                f"{100 * stated['share']:.2g} % of it is indirect, which is above quality.bake_noise; raise "
+        return (f"baked light would have noise of {show_rounded(100 * stated['noise'])} % of the light, because "
+                f"{show_rounded(100 * stated['share'])} % of it is indirect, which is above quality.bake_noise; raise "
                 "quality.bake_samples")
 
 

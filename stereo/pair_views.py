@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..labels import LIGHT_GROUPS
+from ..number_text import show_rounded
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ..render.pairs.pair_folder import EYES, Pair, read_unchanged_pair
 from ..settings.description import merged
@@ -70,7 +71,7 @@ class PairViews:
     def lines(self) -> list[str]:
         """Short lines about the pair: id, exposure, depth."""
         times = [_seconds(s) for s in dict.fromkeys((self.exposures_s[0], self.exposures_s[-1]))]
-        share = "none saturated" if self.saturated == 0 else f"{100 * self.saturated:.2g} % saturated"
+        share = "none saturated" if self.saturated == 0 else f"{show_rounded(100 * self.saturated)} % saturated"
         depth = "All sky" if self.range_m is None else f"Depth {self.range_m[0]:.3g} to {self.range_m[1]:.3g} m"
         size = [f"shown at 1/{self.reduced} of its size"] if self.reduced > 1 else []
         return [f"Pair {self.id}", f"{' to '.join(times)}, {share}", ", ".join([depth, *size])]

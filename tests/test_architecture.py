@@ -23,8 +23,8 @@ IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
 #: The rooms from the ground up. A module imports from its own room and from those below it, wherever in the file the
 #: import stands. A room is a folder; a module at the root is a room by itself. All that is above has a place here.
 PURE = (
-    "errors", "suggestions", "labels", "system", "files", "cache", "file_shapes", "scratch", "version",
-    "bundled_wheels", "terminal", "typed_settings", "plugins",
+    "errors", "suggestions", "number_text", "labels", "system", "files", "cache", "file_shapes", "scratch",
+    "version", "bundled_wheels", "terminal", "typed_settings", "plugins",
     "physics/rig", "physics/random_numbers", "physics/rocks", "physics/terrain/noise", "physics/terrain/roughness",
     "physics/terrain/landforms", "physics/terrain", "physics/mesh", "physics/arm", "physics/excavation",
     "physics/surfaces", "physics/light", "physics/camera", "physics",

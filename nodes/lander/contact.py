@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
+from ...number_text import show_rounded
 from ...physics.arm.collisions import Heights, find_self_collisions, ground_clearances_m, lines_of
 from ...physics.arm.lander_arm import arm_of, joint_values
 from ...physics.arm.lander_solids import body_capsules
@@ -32,8 +33,8 @@ class Contact:
     def advice(self) -> list[str]:
         """Sentences on links other than the scoop in the ground, a scoop deeper than itself, and overlaps."""
         deep = {link: -height for link, height in self.clearances_m.items() if height < 0 and link != "scoop"}
-        said = [f"The arm's {link.replace('_', ' ')} is {depth:.2g} m inside the ground; raise arm.shoulder_deg or "
-                "change other joints." for link, depth in deep.items()]
+        said = [f"The arm's {link.replace('_', ' ')} is {show_rounded(depth)} m inside the ground; raise "
+                "arm.shoulder_deg or change other joints." for link, depth in deep.items()]
         return said + [f"The arm's {one.replace('_', ' ')} is in the {other.replace('_', ' ')}; change the joints of "
                        "the topic arm." for one, other in self.collisions]
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...number_text import show_rounded
 from ...typed_settings import RigSettings
 from ..rig.focal_length import focal_px
 
@@ -41,8 +42,8 @@ def rounding_advice(rig: RigSettings, ground_m: float) -> list[str]:
         return []
     step = rounding_m(rig.x_m, rig.y_m, ground_m + float(rig.height_m))
     return [f"The camera stands so far from the origin that ground and eyes are rounded to {step:.2g} m, up to "
-            f"{pixels:.2g} px; stand nearer to it (rig.x_m, rig.y_m), or move your own ground (source.centre, "
-            "source.origin_x_m)."]
+            f"{show_rounded(pixels)} px; stand nearer to it (rig.x_m, rig.y_m), or move your own ground "
+            "(source.centre, source.origin_x_m)."]
 
 
 def coarse_advice(rig: RigSettings, edge_m: float) -> list[str]:
@@ -50,8 +51,8 @@ def coarse_advice(rig: RigSettings, edge_m: float) -> list[str]:
     height = float(rig.height_m)
     if edge_m <= _WIDEST * height:
         return []
-    return [f"The triangles of the ground are {edge_m:.3g} m wide, {edge_m / height:.2g} times the height of the "
-            f"camera (rig.height_m {height:g} m); true depth may then have a relative "
+    return [f"The triangles of the ground are {edge_m:.3g} m wide, {show_rounded(edge_m / height)} times the height of "
+            f"the camera (rig.height_m {height:g} m); true depth may then have a relative "
             f"error of {_OFF * edge_m / height:.1g}, more than the stated 1e-4. Make them narrower "
             "(terrain.resolution, terrain.size_m), or stand higher."]
 

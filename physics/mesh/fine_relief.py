@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...number_text import show_rounded
 from ...typed_settings import RigSettings, Settings, SurfaceSettings
 from ..rig.focal_length import focal_px
 
@@ -67,8 +68,8 @@ def displacement_advice(settings: Settings, spacing_m: float) -> list[str]:
     share = carried_share(surface, spacing_m)
     if share > _MOST_CARRIED:
         return []
-    return [f"surface.relief is DISPLACEMENT, but the nearest vertices are {1e3 * spacing_m:.2g} mm apart, so the mesh "
-            f"has {share:.0%} of the height of the fine relief; set surface.relief to REAL, or make the mesh finer."]
+    return [f"surface.relief is DISPLACEMENT, but the nearest vertices are {show_rounded(1e3 * spacing_m)} mm apart, so "
+            f"the mesh has {share:.0%} of the height of the fine relief; set surface.relief to REAL, or make the mesh finer."]
 
 
 def nearest_m(rig: RigSettings) -> float:

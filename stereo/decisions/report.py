@@ -16,6 +16,7 @@ import matplotlib
 import numpy as np
 
 from ...files import escape_cell, read_text, write_json, write_text
+from ...number_text import show_rounded
 from ...version import version
 from ..matchers import TITLES
 from ..measure.render_noise import DECIDES
@@ -238,8 +239,9 @@ def _between(entry: Mapping[str, Any], key: str) -> str:
 def _volume_sentences(progress: Sequence[Mapping[str, Any]]) -> list[str]:
     """The smallest volume that each method notices, where null pairs tell it."""
     return [f"With {TITLES.get(entry['method'], entry['method'])}, a dug volume is noticed from "
-            f"{_LITRES * entry['smallest_m3']:.2g} L on (between {_LITRES * entry['bounds_m3'][0]:.2g} and "
-            f"{_LITRES * entry['bounds_m3'][1]:.2g} L, from {entry['null_pairs']} pairs with nothing dug)."
+            f"{show_rounded(_LITRES * entry['smallest_m3'])} L on (between {show_rounded(_LITRES * entry['bounds_m3'][0])} and "
+            f"{show_rounded(_LITRES * entry['bounds_m3'][1])} L, from {entry['null_pairs']} pairs with "
+            "nothing dug)."
             for entry in progress if entry["smallest_m3"] is not None and entry["method"] != TRUE_DEPTH]
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...file_shapes import COUNT, NUMBER, TEXT, Maybe, Shape
+from ...number_text import show_rounded
 from ..images.disparity_and_occlusion import ESTIMATED
 from ..matchers.methods import Method
 from ..matchers.search_range import FIXED, MISSED, STATED, TRUTH
@@ -96,19 +97,20 @@ class Notes:
         if not self._baked:
             return
         noise, share, _ = max(self._baked)
-        over = sum(noise > bound for noise, _, bound in self._baked)
+        over = sum(0.0 < bound < noise for noise, _, bound in self._baked)  # 0: any noise is accepted
         more = f" In {over} of them it is above quality.bake_noise; raise quality.bake_samples." if over else ""
         yield Note(f"Indirect light is baked in {len(self._baked)} of {self._pairs} pairs",
                    "its noise is fixed to the ground, alike in both eyes, so matchers take it for texture. It is at "
-                   f"most {100 * noise:.2g} % of the light, in a pair of which {100 * share:.2g} % is indirect.{more}")
+                   f"most {show_rounded(100 * noise)} % of the light, in a pair of which "
+                   f"{show_rounded(100 * share)} % is indirect.{more}")
 
     def _noise(self) -> Iterator[Note]:
         if self._decided:
             where = f" in {len(self._decided)} of {self._pairs} pairs" if self._pairs > 1 else ""
             yield Note(f"{NOISE_DECIDES}{where}",
                        "in light or in shadow, more than 5 % of the pixels have less texture than noise. Methods that "
-                       f"differ by less than {100 * max(self._decided):.2g} % of the pixels may differ by noise alone; "
-                       "raise quality.samples and look whether their order stays.")
+                       f"differ by less than {show_rounded(100 * max(self._decided))} % of the pixels may differ by "
+                       "noise alone; raise quality.samples and look whether their order stays.")
         if self._noisy:
             yield Note(f"{self._noisy} of {self._pairs} pairs are noisy" if self._pairs > 1 else "The pair is noisy",
                        "in light or in shadow, 1 to 5 % of the pixels have less texture than noise.")

@@ -76,10 +76,10 @@ def test_a_brief_note_names_the_whole_method():
     assert note.sentence == f"{note.brief}: {note.detail}"
 
 
-def with_baked(*numbers):
+def with_baked(*numbers, bound=0.01):
     notes = Notes(parse_methods("bm"))
     for noise, share in numbers:
-        facts = {"baked": {"noise": noise, "share": share, "bound": 0.01}}
+        facts = {"baked": {"noise": noise, "share": share, "bound": bound}}
         assert not find_fault(facts, {"baked": BAKED})
         notes.add_pair(facts)
     notes.add_pair({"baked": None})
@@ -93,4 +93,7 @@ def test_noise_of_baked_light_is_stated_with_the_fix_where_it_is_above_its_bound
     assert "In 1 of them it is above quality.bake_noise" in said
     within, = with_baked((0.004, 0.2))
     assert "above" not in within
+    any_noise, = with_baked((0.27, 0.999), bound=0.0)
+    assert "at most 27 % of the light, in a pair of which 100 % is indirect" in any_noise
+    assert "above" not in any_noise
     assert not with_baked()

@@ -1,0 +1,11 @@
+"""Numbers as the user reads them. Imports nothing."""
+
+from __future__ import annotations
+
+
+def show_rounded(value: float, digits: int = 2) -> str:
+    """A number to so many significant digits, without an exponent, with a space between thousands: 0.0012, 1 200.
+
+    The format ``.2g`` alone makes 1e+02 of 100.
+    """
+    return f"{float(f'{value:.{digits}g}'):,.10g}".replace(",", " ")
