@@ -26,7 +26,7 @@ from icymoon.validation.comparison import (
     load_own_comparison,
     run_comparison,
 )
-from icymoon.validation.tables import markdown_section, replace_sections, summary
+from icymoon.validation.tables import cells, markdown_section, replace_sections, summary
 from icymoon.version import ROOT
 
 OWN = """
@@ -163,6 +163,20 @@ def test_a_figure_is_below_the_command(tmp_path):
     comparison = Comparison("a", "A", "Text.", lambda bench: [Row("q", 1.0, 1.0, 0.0, "s")], figure="![Twins](a.png)")
     section = markdown_section(run_comparison(comparison, Bench(tmp_path)))
     assert f"`{comparison.command}`\n\n![Twins](a.png)\n\n| quantity" in section
+
+
+@pytest.mark.parametrize("name", ["albedos", "colours", "codes"])
+def test_comparisons_that_need_no_blender_pass_and_are_those_of_the_page(tmp_path, name):
+    comparison, = choose_comparisons([name], [], True)
+    found = run_comparison(comparison, Bench(tmp_path, quick=True))
+    assert found.passes
+    page = (ROOT / "docs" / "theory" / "validation.md").read_text(encoding="utf-8")
+    section = page.split(f"\n## {comparison.title}\n")[1].split("\n## ")[0]
+    assert " ".join(comparison.text.split()) in " ".join(section.split())
+    # What is ours and by how much it is off may differ in the last digit between machines.
+    shown = [line.split(" | ") for line in section.splitlines() if line.startswith("| ")][2:]
+    assert [(quantity[2:], *line[1:3], *line[4:]) for quantity, *line in shown] == [
+        (quantity, *rest[1:3], *rest[4:-1], f"{rest[-1]} |") for quantity, *rest in map(cells, found.rows)]
 
 
 def test_the_manual_has_a_section_of_every_comparison():
