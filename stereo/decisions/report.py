@@ -238,11 +238,13 @@ def _between(entry: Mapping[str, Any], key: str) -> str:
 
 def _volume_sentences(progress: Sequence[Mapping[str, Any]]) -> list[str]:
     """The smallest volume that each method notices, where null pairs tell it."""
-    return [f"With {TITLES.get(entry['method'], entry['method'])}, a dug volume is noticed from "
-            f"{show_rounded(_LITRES * entry['smallest_m3'])} L on (between {show_rounded(_LITRES * entry['bounds_m3'][0])} and "
-            f"{show_rounded(_LITRES * entry['bounds_m3'][1])} L, from {entry['null_pairs']} pairs with "
-            "nothing dug)."
-            for entry in progress if entry["smallest_m3"] is not None and entry["method"] != TRUE_DEPTH]
+    said = []
+    for entry in progress:
+        if entry["smallest_m3"] is not None and entry["method"] != TRUE_DEPTH:
+            least, low, high = (show_rounded(_LITRES * value) for value in (entry["smallest_m3"], *entry["bounds_m3"]))
+            said.append(f"With {TITLES.get(entry['method'], entry['method'])}, a dug volume is noticed from {least} L "
+                        f"on (between {low} and {high} L, from {entry['null_pairs']} pairs with nothing dug).")
+    return said
 
 
 def _fault_sentences(faults: Sequence[Mapping[str, Any]]) -> list[str]:
