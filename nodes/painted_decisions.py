@@ -82,7 +82,7 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     return (*shares(f"{TITLES[kind]} by {title}", counts,
                     {key: (text, _ICONS[key]) for key, text in KINDS[kind].items()}, max(1, sum(counts.values()))),
             *((text, icon) for mark, (_, text, icon) in _MARKS.items() if stored.get(mark)),
-            ("Rocks, and beyond the workspace, dark; a lander, white", "BLANK1"))
+            ("Dark: rocks, the lander, beyond the workspace", "BLANK1"))
 
 
 def _rock_meshes(built: Built) -> set[bpy.types.Mesh]:
