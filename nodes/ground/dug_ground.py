@@ -156,7 +156,7 @@ def join(ground: MeshedGround, grid: Grid, heights_m: np.ndarray) -> MeshedGroun
     hole = next((found for found in holes if found is not None), None)
     if hole is None:
         raise IcyMoonError("Trench and heap do not lie on one piece of ground; move excavation.start_x_m and "
-                           "excavation.start_y_m, or set mesh.walls to FLUTED if it is BROKEN.")
+                           "excavation.start_y_m, or set mesh.walls to FLUTED.")
     kept, loop = hole
     used = np.zeros(len(ground.positions), bool)
     used[faces[kept]] = True
