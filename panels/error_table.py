@@ -1,4 +1,5 @@
-"""The table of Stereo Error: for each matcher its rank, its metrics and the buttons that show its errors."""
+"""The table of Stereo Error: for each matcher its rank, its metrics and the buttons that show its errors, and what its
+names mean."""
 
 from __future__ import annotations
 
@@ -30,6 +31,10 @@ def draw_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str,
             for name, value in _other_metrics(row):
                 _draw_metric(rest, name, value)
         _draw_buttons(box, scene, row["method"])
+
+
+def explain_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Draw what the names of the table mean, and failures of few."""
     draw_sentence(layout, "Wrong: off by over 1 px, or missing. The grey metrics are of covered pixels.")
     draw_sentence(layout, "Wrong order (DOD): share of pairs of pixels of which the wrong one is nearer. Shape "
                           "error (si-RMSE): spread of the ratio of measured to true depth, blind to scale.")

@@ -29,7 +29,7 @@ from ..stereo.matchers.methods import names_method
 from ..stereo.report.table_columns import NOISE_DECIDES
 from . import previews
 from .decision_maps import draw_decisions
-from .error_table import draw_errors
+from .error_table import draw_errors, explain_errors
 from .fields import draw_lines, draw_sentence, draw_settings, draw_start
 from .pair_views import draw_pair
 from .view_line import view_line
@@ -143,6 +143,10 @@ class ICYMOON_PT_results(Sidebar, bpy.types.Panel):
         column = layout.column(align=True)
         for meaning, icon in meanings:
             draw_sentence(column, meaning, icon)
+        # Below the buttons, so that these are in sight of the table.
+        explanations = layout.column()
+        explanations.active = not warnings
+        explain_errors(explanations, context.scene, rows)
         for sentence in results.limits(context.scene):
             told = [f"{brief}: " for brief in briefs if sentence.startswith(f"{brief}: ")]
             draw_sentence(layout, sentence.removeprefix(told[0]) if told else sentence, "INFO")
