@@ -12,7 +12,7 @@ import hashlib
 import json
 import math
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from functools import lru_cache
 from typing import Any
@@ -155,10 +155,20 @@ def _stated(data: Mapping[str, Any], where: str, stored: bool) -> Iterator[tuple
                 raise IcyMoonError(f"{where}: {missing_landform(topic, '')}")
             continue
         if topic not in TOPICS and topic not in former:
-            raise IcyMoonError(f"{where}: unknown topic [{topic}], {nearest(topic, TOPICS, MIN_SIMILARITY)}")
+            raise IcyMoonError(f"{where}: unknown topic [{topic}], {nearest_topic(topic, TOPICS, MIN_SIMILARITY)}")
         if not isinstance(values, Mapping):
             raise IcyMoonError(f"{where}: [{topic}] must be a table of settings, not {values!r}.")
         yield from ((topic, key, value) for key, value in values.items())
+
+
+def nearest_topic(topic: str, known: Iterable[str], cutoff: float = 0.5) -> str:
+    """The end of a sentence about an unknown topic, as ``suggestions.nearest`` has it.
+
+    In quotes TOML takes the whole name of a setting for one key, and so for a topic.
+    """
+    if topic.partition(".")[0] in TOPICS:
+        return f"because quotes make one name of it; write {topic} without quotes."
+    return nearest(topic, known, cutoff)
 
 
 def _setting(name: str, where: str) -> Setting:

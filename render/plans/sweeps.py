@@ -16,7 +16,7 @@ from ...files import parse_path
 from ...formats.toml_lines import Place
 from ...physics.random_numbers import sampling
 from ...physics.random_numbers.seeds import generator
-from ...settings.description import check, merged
+from ...settings.description import check, merged, nearest_topic
 from ...settings.preset_files import load, preset_path
 from ...settings.table import TOPICS, Setting
 from ...suggestions import nearest
@@ -111,7 +111,7 @@ def check_pair_count(pairs: int, place: Place) -> None:
 def _find_setting(topic: str, key: str, place: Place) -> Setting:
     """The setting that a factor names."""
     if topic not in TOPICS:
-        raise IcyMoonError(f"{place}: unknown topic {topic}, {nearest(topic, TOPICS)}")
+        raise IcyMoonError(f"{place}: unknown topic {topic}, {nearest_topic(topic, TOPICS)}")
     known = {s.key: s for s in TOPICS[topic].settings}
     if key not in known:
         raise IcyMoonError(f"{place}: unknown setting {topic}.{key}, {nearest(key, known)}")
@@ -133,11 +133,9 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
         if topic == _PRESETS and isinstance(values, Mapping):
             found += [(f"{_PRESETS}.{key}", None, stated, place.at(key)) for key, stated in values.items()]
             continue
-        if topic.partition(".")[0] in TOPICS and topic not in TOPICS:
-            raise IcyMoonError(f"{place}: quotes make a name of {topic!r} that no setting has; write {topic} without "
-                               "them.")
         if topic not in (_PRESETS, *TOPICS):
-            raise IcyMoonError(f"{place}: a {sweep.kind} sweep has no {topic}, {nearest(topic, [*also, *TOPICS])}")
+            raise IcyMoonError(f"{place}: a {sweep.kind} sweep has no {topic}, "
+                               f"{nearest_topic(topic, [*also, *TOPICS])}")
         if topic == _PRESETS:
             raise IcyMoonError(f"{place}: presets are lists by names of yours, such as presets.sensor; a single list "
                                "is called preset.")

@@ -59,6 +59,8 @@ WRONG = {
     "a swept topic": (HEAD + '[[sweep]]\nkind = "grid"\nsurfaces.albedo = [0.1]  # !', ("surfaces", "surface")),
     "a swept setting in quotes": (
         HEAD + '[[sweep]]\nkind = "grid"\n"surface.albedo" = [0.1]  # !', ("quotes", "surface.albedo", "without")),
+    "a case in quotes": (HEAD + '[[sweep]]\nkind = "cases"\ncase = [\n{ "surface.albedo" = 0.5 },  # !\n]',
+                         ("quotes", "surface.albedo", "without")),
     "a topic as factor": (HEAD + '[[sweep]]\nkind = "grid"\nsurface = [0.1]  # !', ("is a topic", "surface.")),
     "a value out of range": (HEAD + '[[sweep]]\nkind = "grid"\nsurface.albedo = [0.1, 1.5]  # !', ("1.5", "0 to 1")),
     "a value of another type": (HEAD + '[[sweep]]\nkind = "grid"\nsurface.albedo = [0.1, "a"]  # !', ("a number",)),
