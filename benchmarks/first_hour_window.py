@@ -32,8 +32,6 @@ from person import ADD_ON, TICK_S, Waiting, away, check, in_region, key, manager
 FOLDER, ARCHIVE = Path(sys.argv[-3]), Path(sys.argv[-2])
 STARTED = float(sys.argv[-1])
 PRESET = "scenes/enceladus_fresh_snow"
-#: Where its picture is, right of the sidebar's edge and below the picture that opens them all.
-PLACE = 325, 340
 SAMPLES = "8"
 #: Seconds of the keystroke-level model: to think, point and click; to think and press a key; to think and drag.
 CLICK_S, KEY_S, DRAG_S = 1.35 + 1.1 + 0.2, 1.35 + 0.28, 1.35 + 2 * (1.1 + 0.1)
@@ -98,12 +96,12 @@ def open_the_tab() -> Waiting:
 
 def choose_a_picture() -> Waiting:
     """Click the picture, then a scene, until the view shows it."""
-    _, y = yield from person.over_the_pictures()
+    middle = yield from person.over_the_pictures()
     xdotool("click", 1)
     by_user(CLICK_S)
     yield 15 * TICK_S  # the pictures open
     yield from screenshot("pictures")
-    point(person.region("UI").x + PLACE[0], y - PLACE[1])
+    person.point_at_picture(PRESET, middle)
     yield 5 * TICK_S
     xdotool("click", 1)
     by_user(CLICK_S)

@@ -21,8 +21,8 @@ _pictures: Any = None
 _items: dict[tuple[tuple[str, int], ...], list[Item]] = {}  # by picture and time; Blender needs the texts kept alive
 
 
-def _load_choices(_self: Any = None, _context: Any = None) -> list[Item]:
-    """The scenes that have a picture, each picture read once in each state."""
+def load_choices(_self: Any = None, _context: Any = None) -> list[Item]:
+    """Choices of scenes that have a picture, each picture read once in each state."""
     global _pictures
     whole = [(item, picture_of(item[0])) for item in preset_items() if is_whole(item[0])]
     shown = sorted((each for each in whole if _exists(each[0][0], each[1])),
@@ -53,11 +53,11 @@ def _is_shipped(picture: Path) -> bool:
 
 def _get(_self: Any) -> int:
     loaded = bpy.context.scene.icymoon.preset
-    return next((number for name, *_, number in _load_choices() if name == loaded), 0)
+    return next((number for name, *_, number in load_choices() if name == loaded), 0)
 
 
 def _set(_self: Any, number: int) -> None:
-    name = _load_choices()[number][0]
+    name = load_choices()[number][0]
     scene = bpy.context.scene
     if number and (name != scene.icymoon.preset or is_changed(scene)):
         bpy.ops.icymoon.load_preset("EXEC_DEFAULT", True, preset=name, build=True)
@@ -66,7 +66,7 @@ def _set(_self: Any, number: int) -> None:
 def register() -> None:
     """Add the choice to the window manager."""
     setattr(bpy.types.WindowManager, CHOICE, bpy.props.EnumProperty(
-        items=_load_choices, get=_get, set=_set, name="Scene", description="Choose a scene preset by its picture"))
+        items=load_choices, get=_get, set=_set, name="Scene", description="Choose a scene preset by its picture"))
 
 
 def unregister() -> None:

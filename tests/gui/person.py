@@ -186,6 +186,8 @@ ICONS = ("icymoon.add_preset",)
 HELP = 0.785
 #: Height of the picture of the scene, in heights of a button, and of a button.
 PICTURE_ROWS, BUTTON_PX = 8, 20
+#: Of the pictures of all scenes, when they are open: how many are in a row, and from one to the next across and down.
+PICTURES_IN_A_ROW, PICTURE_PX = 8, (147, 168)
 _found = 0.0  # how far down the last button was
 
 
@@ -273,6 +275,16 @@ def over_the_pictures() -> Looking:
     place = region("UI").x + COLUMNS[0] * region("UI").width, y + (PICTURE_ROWS / 2 + 1) * BUTTON_PX
     yield from to(*place)
     return place
+
+
+def point_at_picture(preset: str, middle: Place) -> None:
+    """Go to the picture of a scene among those that are open, eight in a row, the last column at the window's edge.
+
+    ``middle``: of the picture that opened them.
+    """
+    names = [name for name, *_ in sys.modules[f"{ADD_ON}.panels.previews"].load_choices()]
+    row, column = divmod(names.index(preset), PICTURES_IN_A_ROW)
+    point(window().width - PICTURE_PX[0] * (PICTURES_IN_A_ROW - column - 0.4), middle[1] - PICTURE_PX[1] * (row + 1))
 
 
 def find_headers(**options: str) -> Generator[float, None, list[Place]]:

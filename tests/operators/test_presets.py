@@ -136,7 +136,7 @@ def test_without_an_installed_extension_there_is_no_place_for_presets(scene):
 
 
 def test_every_shipped_scene_has_a_picture_that_chooses_it(scene):
-    pictures = [item[0] for item in previews._load_choices()][1:]
+    pictures = [item[0] for item in previews.load_choices()][1:]
     assert pictures == [*preset_files.preset_names("gallery"), *preset_files.preset_names("scenes")]
     assert choice() == "NONE"
     for name in pictures:
@@ -164,21 +164,21 @@ def test_a_scene_that_is_chosen_by_its_picture_is_shown_at_once(scene, monkeypat
 
 @pytest.mark.heavy
 def test_a_preset_that_is_saved_after_a_render_has_its_picture(small, own, tmp_path):
-    shipped = len(previews._load_choices())
+    shipped = len(previews.load_choices())
     small.icymoon.dataset.folder = str(tmp_path / "set")
     bpy.ops.icymoon.add_preset(title="Before")
-    assert len(previews._load_choices()) == shipped
+    assert len(previews.load_choices()) == shipped
     assert bpy.ops.icymoon.render_pair() == {"FINISHED"}
     bpy.ops.icymoon.add_preset(title="Site")
     image = bpy.data.images.load(str(own / "site.png"))
     assert 16 < max(image.size) <= presets.PICTURE_PX
     assert np.ptp(np.array(image.pixels)[::4]) > 0.1, "it shows something"
-    assert previews._load_choices()[-1][0] == "own/site"
-    assert len({item[4] for item in previews._load_choices()}) == shipped + 1
+    assert previews.load_choices()[-1][0] == "own/site"
+    assert len({item[4] for item in previews.load_choices()}) == shipped + 1
     small.icymoon.terrain.size_m += 1.0
     bpy.ops.icymoon.add_preset(title="Site")  # of settings that have no pair
     assert not (own / "site.png").exists()
-    assert len(previews._load_choices()) == shipped
+    assert len(previews.load_choices()) == shipped
     assert bpy.ops.icymoon.remove_preset() == {"FINISHED"}
     assert not list(own.glob("site*"))
 
