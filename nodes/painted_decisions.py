@@ -18,13 +18,13 @@ from ..stereo.images.colours import SKY_GREY
 from .built_scene import Built
 from .datablocks.fingerprint import TAG, instanced_objects
 from .measured_surface import set_colours, shares
-from .painted_errors import ROLE, add_colours, begin, corners_of, find, to_world
+from .painted_errors import ROLE, add_colours, begin, corners_of, darken, find, other_meshes, to_world
 
 NAME = "Icy Moon Decisions"
 SITE, REACH = "Chosen Site", "Reach"
-#: Linear colours of the marks, which no map has, and what a legend states of them, with its icon.
-_MARKS = {SITE: ((1.0, 0.0, 0.5, 1.0), "Chosen site, magenta ring", "COLORSET_05_VEC"),
-          REACH: ((0.0, 0.9, 1.0, 1.0), "Reach of the arm, cyan line", "COLORSET_08_VEC")}
+#: Colours of the marks (sRGB), which no map has, and what a legend states of them, with its icon.
+_MARKS = {SITE: ((255, 0, 188), "Chosen site, magenta ring", "COLORSET_05_VEC"),
+          REACH: ((0, 243, 255), "Reach of the arm, cyan line", "COLORSET_08_VEC")}
 #: The maps, as what a legend calls them.
 TITLES = {SUITABILITY: "Suitability", SLOPE: "Slope", HEIGHT_ERROR: "Height error"}
 _COUNTS = "icymoon_cells"  # custom property of the collection
@@ -54,8 +54,7 @@ def paint(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -
     colours = np.full((len(cell), 3), SKY_GREY, np.uint8)
     colours[inside] = colour_cells(stored).reshape(-1, 3)[cell[inside]]
     set_colours(add_colours(mesh), colours)
-    for shape in _rock_meshes(built):  # dark: what is under them is not known from above
-        set_colours(add_colours(shape), np.full((len(shape.vertices), 3), SKY_GREY, np.uint8))
+    darken({*_rock_meshes(built), *other_meshes(built)})  # what is under them is not known from above
     if stored.chosen is not None:
         _link(collection, _site(stored, *stored.chosen))
     if stored.reach is not None and there[REACH]:
@@ -117,9 +116,12 @@ def _draw_lines(name: str, ways: list[np.ndarray]) -> bpy.types.Object:
         spline.points.add(len(way) - 1)
         spline.points.foreach_set("co", np.pad(way, ((0, 0), (0, 1)), constant_values=1.0).astype(np.float32).ravel())
         spline.use_cyclic_u = True
-    item = bpy.data.objects.new(name, curve)
-    item.color = _MARKS[name][0]  # that of what has no colours of vertices, where the view shows these
-    return item
+    drawn = bpy.data.objects.new(name, curve)
+    mesh = bpy.data.meshes.new_from_object(drawn)  # in Blender 5.2, a curve is white where the view shows vertices
+    mesh.name = name
+    bpy.data.batch_remove([drawn, curve])
+    set_colours(add_colours(mesh), np.tile(np.array(_MARKS[name][0], np.uint8), (len(mesh.vertices), 1)))
+    return bpy.data.objects.new(name, mesh)
 
 
 def _on_ground(stored: StoredMap, place: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ rendered.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import bpy
@@ -32,6 +32,7 @@ from ..stereo.ground_errors import (
     on_vertices,
     project,
 )
+from ..stereo.images.colours import SKY_GREY
 from .built_scene import Built
 from .datablocks.array_marks import PAINTED, read_property
 from .datablocks.fingerprint import TAG, added_objects, instanced_objects
@@ -113,7 +114,22 @@ def paint(scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], ti
               full_m)
     if rocks:
         _link_rocks(collection, rocks, full_m)
+    darken(other_meshes(built))
     return collection
+
+
+def other_meshes(built: Built) -> set[bpy.types.Mesh]:
+    """The meshes of a built scene that are neither ground nor rocks, such as the lander."""
+    return {item.data for item in built.collection.all_objects
+            if item.type == "MESH" and item.data != built.terrain.data and item.get(TAG) != "rock"
+            and not item.data.library}
+
+
+def darken(meshes: Iterable[bpy.types.Mesh]) -> None:
+    """Show meshes dark. Without colours of their own, they are white in Blender 5.2 and grey before, which both have a
+    meaning in a legend."""
+    for mesh in meshes:
+        set_colours(add_colours(mesh), np.full((len(mesh.vertices), 3), SKY_GREY, np.uint8))
 
 
 def begin(scene: bpy.types.Scene, mesh: bpy.types.Mesh, name: str) -> bpy.types.Collection:
@@ -171,7 +187,7 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
         return ()
     counts = {key: number for key, number in counts.items() if key != "coarse" or number}
     return (*shares(f"Depth error of {stored.get('title')} on the ground", counts, _KINDS, true),
-            ("Not seen by the left eye, dark", "BLANK1"))
+            ("The lander and what the left eye does not see, dark", "BLANK1"))
 
 
 def _painted_meshes(scene: bpy.types.Scene) -> set[bpy.types.Mesh]:

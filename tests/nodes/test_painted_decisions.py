@@ -57,6 +57,10 @@ def colours(mesh) -> np.ndarray:
         -1, 4)[:, :3])
 
 
+def positions(mesh) -> np.ndarray:
+    return read_property(mesh.vertices, "co", width=3).reshape(-1, 3).astype(np.float64)
+
+
 def blocks() -> list[int]:
     return [len(data) for data in (bpy.data.objects, bpy.data.meshes, bpy.data.curves, bpy.data.materials,
                                    bpy.data.collections)]
@@ -84,29 +88,44 @@ def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
     site, reach = sorted(painted_decisions.paint(bpy.context.scene, built, made(), "bm").objects,
                          key=lambda item: item.name)
     assert (site.name, reach.name) == ("Chosen Site", "Reach")
-    (ring,) = site.data.splines
-    place = np.array([point.co[:3] for point in ring.points])
+    thick_m = 0.0065  # half a line, and rounding
+    place = positions(site.data)
     centre = np.array((-1.5 + 7.5 * CELL_M, 1.0 - 3.5 * CELL_M, 0.21))
-    np.testing.assert_allclose(place.mean(axis=0), centre, atol=1e-6)
-    np.testing.assert_allclose(np.linalg.norm(place - centre, axis=1), 0.15, atol=1e-6)
-    np.testing.assert_allclose(place[:, 2], 0.21, atol=1e-6)
-    assert site.data.bevel_depth > 0  # or it is hidden with the overlays
-    assert reach.data.bevel_depth > 0
-    (way,) = reach.data.splines
-    place = np.array([point.co[:3] for point in way.points])
-    assert way.use_cyclic_u
-    np.testing.assert_allclose(place.min(axis=0)[:2], (-1.5 + 5 * CELL_M, 1.0 - 8 * CELL_M), atol=1e-6)
-    np.testing.assert_allclose(place.max(axis=0)[:2], (-1.5 + 25 * CELL_M, 1.0 - 2 * CELL_M), atol=1e-6)
+    np.testing.assert_allclose(place.mean(axis=0), centre, atol=1e-5)
+    np.testing.assert_allclose(np.linalg.norm((place - centre)[:, :2], axis=1), 0.15, atol=thick_m)
+    np.testing.assert_allclose(place[:, 2], 0.21, atol=thick_m)
+    assert len(site.data.polygons) >= 100  # with a thickness, or it is hidden with the overlays
+    place = positions(reach.data)
+    np.testing.assert_allclose(place.min(axis=0)[:2], (-1.5 + 5 * CELL_M, 1.0 - 8 * CELL_M), atol=1.5 * thick_m)
+    np.testing.assert_allclose(place.max(axis=0)[:2], (-1.5 + 25 * CELL_M, 1.0 - 2 * CELL_M), atol=1.5 * thick_m)
+    edges = np.bincount(np.concatenate([list(edge) for face in reach.data.polygons for edge in face.edge_keys]))
+    assert (edges > 0).all()  # the line is closed: no vertex of it has no face
     assert site.hide_render
     assert reach.hide_render
     told = {text for text, _ in painted_decisions.legend(bpy.context.scene)}
     assert {"Chosen site, magenta ring", "Reach of the arm, cyan line"} <= told
-    assert min(site.color[0], reach.color[2]) > 0.9  # red and blue at their most
-    assert max(site.color[1], reach.color[0]) < 0.1
+    for item, colour in ((site, (255, 0, 188)), (reach, (0, 243, 255))):  # as the view shows them in each Blender
+        assert (colours(item.data) == colour).all()
     none = painted_decisions.paint(bpy.context.scene, built, replace(made(), chosen=None, reach=None), "bm")
     assert not none.objects
-    assert "Reach" not in bpy.data.curves
+    assert "Reach" not in bpy.data.meshes
     assert not any(text.startswith(("Chosen", "Reach")) for text, _ in painted_decisions.legend(bpy.context.scene))
+
+
+def test_what_is_no_ground_is_dark(shown):
+    """A mesh without colours is white in Blender 5.2, which has a meaning where errors are painted."""
+    _, built = shown
+    mesh = bpy.data.meshes.new("Lander")
+    mesh.from_pydata([(0, 0, 1), (1, 0, 1), (0, 1, 1)], [], [(0, 1, 2)])
+    item = bpy.data.objects.new("Lander", mesh)
+    built.collection.objects.link(item)
+    try:
+        painted_decisions.paint(bpy.context.scene, built, made(), "bm")
+        assert (colours(mesh) == 60).all()
+        painted_errors.clear(bpy.context.scene)
+        assert not mesh.color_attributes
+    finally:
+        bpy.data.batch_remove([item, mesh])
 
 
 @pytest.mark.heavy
