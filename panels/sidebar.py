@@ -254,7 +254,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
         row.operator("icymoon.choose_plan", text=dataset.title_of(group.plan), icon="PRESET")
         row.operator("icymoon.open_plan", text="", icon="FILEBROWSER")
         draw_settings(layout, root, "dataset", ("plan", "workers", "evaluate", "leave_running"))
-        layout.operator("icymoon.plan_dry_run", icon="VIEWZOOM")
+        draw_start(layout, "icymoon.plan_dry_run", "Dry Run", "VIEWZOOM")
         for line in dataset.readout["lines"] if dataset.readout["plan"] == group.plan else ():
             draw_sentence(layout, line)
         column = layout.column()

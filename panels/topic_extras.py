@@ -75,7 +75,7 @@ def _draw_sky_fault(layout: Any, context: bpy.types.Context) -> None:
 
 
 def _draw_expose(layout: Any, context: bpy.types.Context) -> None:
-    layout.operator("icymoon.expose", icon="IMAGE_DATA")
+    draw_start(layout, "icymoon.expose", "Show Camera Image", "IMAGE_DATA")
     layout.prop(context.scene.icymoon, "follow")
     draw_lines(layout, live_exposure.lines(), "INFO")
 
@@ -94,7 +94,8 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
         button = row.row(align=True)
         button.enabled = not quality.lacks
         button.operator("icymoon.load_preset", text=quality.title, depress=quality.chosen).preset = quality.name
-        row.label(text=quality.brief)
+        if quality.brief or not narrow:
+            row.label(text=quality.brief)
     for lack in dict.fromkeys(quality.lacks for quality in shipped if quality.lacks):
         titles = " and ".join(quality.title for quality in shipped if quality.lacks == lack)
         # Where the present settings can be rendered, they are what the fix would make.
@@ -105,6 +106,8 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
         draw_lines(column, (f"With the settings below: {own.brief}",))
     draw_sentence(column, sidebar_text.speed_line(settings))
     layout.operator_context = "INVOKE_DEFAULT"
+    if sidebar_text.known_speed(str(settings.quality.device)) is None:
+        draw_start(layout, "icymoon.measure_machine", "Measure This Machine", "TIME")
     draw_start(layout, "icymoon.auto_quality", "Find Cheapest Quality…", "VIEWZOOM")
 
 

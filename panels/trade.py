@@ -7,7 +7,7 @@ from typing import Any
 import bpy
 
 from ..operators import manual, trade
-from .fields import draw_sentence
+from .fields import draw_sentence, draw_start
 from .sidebar import Sidebar
 
 
@@ -23,8 +23,8 @@ class ICYMOON_PT_trade(Sidebar, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout: Any = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
-        layout.operator("icymoon.measure_machine")
-        layout.operator("icymoon.trade", text="Compare Qualities…")
+        draw_start(layout, "icymoon.measure_machine", "Measure This Machine")
+        draw_start(layout, "icymoon.trade", "Compare Qualities…")
         for sentence in trade.last_results.get(context.scene.name, ()):
             draw_sentence(layout, sentence, hang="    ")
 
