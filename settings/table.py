@@ -391,10 +391,12 @@ EXCAVATION = Topic("excavation", "Excavation", "A trench that a scoop digs, and 
                      ("RECORDED", "Recorded", "Places of the blade from a CSV file"),
                      ("JOINTS", "Recorded Joints", "Places of the scoop's tip, from joint angles of the arm in a CSV "
                       "file"))),
-    Setting("state", "State", 2, "State of the excavation: 0 is untouched ground. A sweep of it makes a series",
+    Setting("state", "State Shown", 2,
+            "State of the excavation that is built: 0 is untouched ground. A sweep of it makes a series",
             "geometry", "states", 0, 99, (0, 7)),
-    Setting("states", "States", 3, "Number of states of the excavation, the untouched ground included. All of them "
-            "have the same fine mesh", "geometry", "states", 1, 100, (1, 12)),
+    Setting("states", "Number of States", 3,
+            "Number of states of the excavation, the untouched ground included. All of them have the same fine mesh",
+            "geometry", "states", 1, 100, (1, 12)),
     Setting("file", "Recorded Path", "", "CSV file whose first line names the columns state (from 1), x_m, y_m (east "
             "and north of the origin) and depth_m (of the blade's edge below the plane of the untouched ground); for "
             "recorded joints state, yaw_deg, shoulder_deg, elbow_deg, wrist_deg and roll_deg. // is the folder of the "
@@ -520,7 +522,7 @@ SURFACE = Topic("surface", "Ice", "Snow or ice that the ground is made of", (
               "A render with 1 takes about five times as long as with 0", "material"),
     _metres("subsurface_radius_m", "Subsurface Radius", 0.005, 0.0, 10.0, (0.0, 0.1),
             "Mean free path of light in the snow", "material"),
-    Setting("subsurface_method", "Subsurface Method", "RANDOM_WALK", "How light that enters the snow is followed",
+    Setting("subsurface_method", "Subsurface Law", "RANDOM_WALK", "How light that enters the snow is followed",
             "material", choices=(
                 ("RANDOM_WALK", "Random Walk", "From one scattering to the next, through the shape of the ground"),
                 ("BURLEY", "Burley", "By a profile that was fitted to flat surfaces. It takes a third of the time, but "
@@ -929,7 +931,7 @@ RIG = Topic("rig", "Stereo Camera", "Two identical cameras, parallel unless toed
             "camera"),
 ))
 
-SENSOR = Topic("sensor", "Exposure and Noise",
+SENSOR = Topic("sensor", "Exposure and Sensor",
                "From radiance to digital numbers (EMVA 1288). Changes need no new render", (
     Setting("auto_exposure", "Auto Exposure", True,
             "Set the exposure of both eyes from the brightest part of the left image", "response"),
@@ -1116,7 +1118,8 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
 
 WORKSPACE = Topic("workspace", "Workspace", "Ground in reach of an arm, with its exact heights", (
     _metres("cell_m", "Cell", 0.0, 0.0, 1.0, (0.0, 0.05),
-            "Side of a cell of the true elevation model that is written with each pair; 0 writes none", "sampling"),
+            "Side of a cell of the true elevation model that is written with each pair; 0 writes none", "sampling",
+            zero="off"),
     _metres("east_m", "Centre East", 0.0, -5.0e4, 5.0e4, (-5.0, 5.0), "East coordinate of the centre of the workspace",
             "sampling"),
     _metres("north_m", "Centre North", 1.6, -5.0e4, 5.0e4, (-5.0, 5.0),

@@ -168,12 +168,12 @@ def test_a_panel_begins_with_what_turns_the_others_on():
 
 
 @pytest.mark.parametrize(("sentence", "said"), [
-    ("light.kernels is empty; choose a path.", "Light > Kernels is empty; choose a path."),
-    ("truth: none, since quality.truth is DEPTH.", "Truth: none, since Quality and Speed > Truth is Depth Only."),
-    ("Set quality.denoiser NONE or textures.set = MESH.", "Set Quality and Speed > Denoiser None or Textures > "
+    ("light.kernels is empty; choose a path.", "Light ▸ Kernels is empty; choose a path."),
+    ("truth: none, since quality.truth is DEPTH.", "Truth: none, since Quality and Speed ▸ Truth is Depth Only."),
+    ("Set quality.denoiser NONE or textures.set = MESH.", "Set Quality and Speed ▸ Denoiser None or Textures ▸ "
      "Texture = From Mesh."),
-    ("Lower quality.samples FIRST.", "Lower Quality and Speed > Samples FIRST."),
-    ("rock_surface: under quality.walk_px.", "Rock Ice: under Quality and Speed > Subsurface Cutoff."),
+    ("Lower quality.samples FIRST.", "Lower Quality and Speed ▸ Samples FIRST."),
+    ("rock_surface: under quality.walk_px.", "Rock Ice: under Quality and Speed ▸ Subsurface Cutoff."),
     ("the file a.toml is not there.", "The file a.toml is not there."),
     ("Settings that rig.no_such is of stay.", "Settings that rig.no_such is of stay.")])
 def test_the_sidebar_names_settings_as_it_shows_them(sentence, said):
@@ -186,7 +186,7 @@ def test_what_is_left_out_is_said_where_it_is_chosen_and_only_then(scene):
     group.quality.truth, group.light.planet, group.light.planet_elevation_deg = "DEPTH", True, -40.0
     said = " ".join(entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_left_out) if entry[0] == "label")
     assert "Light: no light from the planet, because the planet is below the horizon or unlit." in said
-    assert "Truth: no normals and no labels, because Quality and Speed > Truth is Depth Only." in said
+    assert "Truth: no normals and no labels, because Quality and Speed ▸ Truth is Depth Only." in said
     assert sidebar.ICYMOON_PT_left_out.bl_parent_id == "ICYMOON_PT_quality"
     group.light.directions_from = "KERNELS"  # of which none are given, so there is no sky to speak of
     said = texts(drawn(sidebar.ICYMOON_PT_left_out))
@@ -219,7 +219,7 @@ def test_the_matchers_there_are_stand_in_the_tooltip():
 def test_the_panels_follow_the_work_from_top_to_bottom():
     tops: list[Any] = [cls for cls in CLASSES if issubclass(cls, bpy.types.Panel) and not hasattr(cls, "bl_parent_id")]
     assert [cls.bl_label for cls in sorted(tops, key=lambda cls: getattr(cls, "bl_order", 0))] == [
-        "Icy Moon", "Ground", "Ice", "Rocks", "Light", "Stereo Camera", "Lander", "Exposure and Noise",
+        "Icy Moon", "Ground", "Ice", "Rocks", "Light", "Stereo Camera", "Lander", "Exposure and Sensor",
         "Quality and Speed", "Data Set", "Evaluation"]
 
 
@@ -244,8 +244,8 @@ def test_a_quality_is_a_button_and_a_message_has_the_labels_of_settings(scene, m
     sentence = "This Blender was built without OpenImageDenoise; set quality.denoiser to NONE."
     assert sidebar_text.in_window(sentence) == sentence
     monkeypatch.setattr(bpy, "app", SimpleNamespace(background=False))
-    assert "Quality and Speed > Denoiser to None." in sidebar_text.in_window(sentence)
-    assert sidebar_text.in_window("set quality.truth to DEPTH.") == "Set Quality and Speed > Truth to Depth Only."
+    assert "Quality and Speed ▸ Denoiser to None." in sidebar_text.in_window(sentence)
+    assert sidebar_text.in_window("set quality.truth to DEPTH.") == "Set Quality and Speed ▸ Truth to Depth Only."
     assert sidebar_text.in_window("change rig.width_px to Fit.").endswith(" to Fit.")  # no choice
 
 
@@ -471,7 +471,7 @@ def test_check_says_what_doctor_says_and_what_of_the_kernels(scene, tmp_path, mo
     assert bpy.ops.icymoon.check_evaluator() == {"FINISHED"}
     assert {"Blender", "Evaluator", "Graphics card"} <= {finding.subject for finding in preferences.findings}
     card = next(finding for finding in preferences.findings if finding.subject == "Graphics card")
-    assert card.fix in ("", "Set Quality and Speed > Device to CPU.")
+    assert card.fix in ("", "Set Quality and Speed ▸ Device to CPU.")
     preferences.show_findings([])
 
 
