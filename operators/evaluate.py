@@ -74,8 +74,8 @@ class ResultKeeper:
     def report(self, operator: bpy.types.Operator, context: bpy.types.Context) -> None:
         """Report the metrics to the user."""
         jobs.push_undo("Evaluate")  # otherwise undoing the previous step would remove the results too
-        for row in results.summary(self.scene) if self.scene is not None else ():
-            operator.report({"INFO"}, results.outcome(row))
+        for sentence in results.outcomes(results.summary(self.scene) if self.scene is not None else ()):
+            operator.report({"INFO"}, sentence)
         if self.scene == context.scene:
             results.show_error_image(context, open_window=False)
 
@@ -129,6 +129,13 @@ class ICYMOON_OT_evaluate_folder(jobs.JobOperator, bpy.types.Operator):
         context.window_manager.fileselect_add(self)
         return {"RUNNING_MODAL"}
 
+    def draw(self, context: bpy.types.Context) -> None:
+        """What to choose, beside the folders."""
+        column = self.layout.column(align=True)
+        for line in ("Choose a folder: a data set", "as it was unpacked, such as", "KITTI or Middlebury, or your",
+                     "photographs and a pairs.toml"):
+            column.label(text=line)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Called with the chosen folder: starts the job."""
         return super().execute(context) if bpy.app.background else super().invoke(context, None)
@@ -148,8 +155,8 @@ class ICYMOON_OT_evaluate_folder(jobs.JobOperator, bpy.types.Operator):
             self._rows = message["rows"]
 
     def report_success(self, context: bpy.types.Context) -> None:
-        for row in self._rows:
-            self.report({"INFO"}, results.outcome(row))
+        for sentence in results.outcomes(self._rows):
+            self.report({"INFO"}, sentence)
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
 

@@ -72,7 +72,7 @@ class ICYMOON_OT_install_evaluator(jobs.JobOperator, bpy.types.Operator):
 
     def start(self, context: bpy.types.Context) -> jobs.Job:
         if not bpy.app.online_access:
-            raise IcyMoonError("Installing the evaluator needs online access; allow it in Preferences > System > "
+            raise IcyMoonError("Installing the evaluator needs online access; allow it in Preferences ▸ System ▸ "
                                "Network.")
         folder = own_evaluator_python().parents[1]
         command = python_command(base_python(), "install", str(folder))

@@ -17,19 +17,19 @@ from ..errors import IcyMoonError
 from ..file_shapes import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, parse_json, read_record
 from ..files import explain_disk_errors
 from ..settings import description
-from ..settings.table import TOPICS, Setting, all_settings
+from ..settings.table import Setting, all_settings
 from ..stereo.matchers.methods import describe_method
 from ..stereo.report.table_columns import NO_RESULT, RANKING
 from ..typed_settings import Settings, typed
 from . import image_editor, own_reports
 from .jobs import push_undo
 from .render import dataset_folder
-from .sidebar_text import in_window
+from .sidebar_text import in_window, place_of
 
 #: Columns of a matcher's row in a report that the scene keeps.
 METRICS = ("total_bad_1", "coverage", "l1_m", "l1_rate_10", "si_rmse", "dod")
 _ROW = {"method": TEXT, **{name: Maybe(NUMBER, null=True) for name in METRICS},
-        "n": Maybe(COUNT), "ranks": Maybe(Each(Each(COUNT), TEXT))}
+        "n": Maybe(COUNT), "pairs": Maybe(COUNT), "ranks": Maybe(Each(Each(COUNT), TEXT))}
 #: Lists of sentences of a report that the scene keeps, see ``Kept``.
 _SENTENCES = ("notes", "briefs", "rare_failures")
 _SHAPE = {"made": TEXT, "scope": TEXT, "pairs": Each(TEXT), "settings": Each(TABLE, TEXT), "summary": Each(_ROW),
@@ -158,7 +158,7 @@ def rare_failures(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 def differences(scene: bpy.types.Scene) -> list[str]:
     """Labels of the settings that have changed since the last evaluation."""
-    return [_label(topic, s) for topic, s in _differing(scene)]
+    return [place_of(topic, s) for topic, s in _differing(scene)]
 
 
 def _differing(scene: bpy.types.Scene) -> list[tuple[str, Setting]]:
@@ -181,22 +181,21 @@ def _counts(topic: str, setting: Setting, scope: str) -> bool:
     return scope == "SCENE" or setting.effect == "response"
 
 
-def _label(topic: str, setting: Setting) -> str:
-    return f"{TOPICS[topic].label} ▸ {setting.label}"
-
-
 def notes(scene: bpy.types.Scene) -> list[str]:
     """Sentences on a scene's last evaluation: its pairs and time, then which settings have changed since, if any."""
     found = kept_results(scene)
     if found is None:
         return []
-    subject = "Of the data set" if found.scope == "DATASET" else f"Of pair {', '.join(found.pairs[:1])}"
+    subject = f"Of pair {', '.join(found.pairs[:1])}"
+    if found.scope == "DATASET":
+        count = max((row.get("pairs", 0) for row in found.summary), default=0)  # none of an older version
+        subject = "Of the data set" + (f", {count} pair{'s' * (count > 1)}" if count else "")
     more = f" and {len(found.pairs) - 1} more" if len(found.pairs) > 1 else ""
     sentences = [f"{subject}{more}, {found.made.replace('T', ' ')[:16]} UTC"]
     other = _differing(scene)
     if other:
         rest = f" and {len(other) - _MOST_NAMED} more" if len(other) > _MOST_NAMED else ""
-        labels = ", ".join(_label(topic, s) for topic, s in other[:_MOST_NAMED])
+        labels = ", ".join(place_of(topic, s) for topic, s in other[:_MOST_NAMED])
         rendered = any(s.effect != "response" and s.key != "methods" for _, s in other)
         sentences.append(f"Measured with other settings than the present ones: {labels}{rest}. "
                          f"{'Render and evaluate' if rendered else 'Evaluate'} again.")
@@ -238,8 +237,13 @@ def outcome(row: Mapping[str, Any]) -> str:
     method = describe_method(row["method"])
     if not row["n"]:
         return f"{method}: {NO_RESULT}"
-    return (f"{method}: {percent(row['total_bad_1'])} wrong or missing, L1 of the measured "
-            f"{percent(row['coverage'])} {metres(row['l1_m'])}")
+    return (f"{method}: {percent(row['total_bad_1'])} wrong or missing; covers {percent(row['coverage'])} with a mean "
+            f"error of {metres(row['l1_m'])}")
+
+
+def outcomes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """``outcome`` of each row, the best matcher last: the status bar shows what is reported last."""
+    return [outcome(row) for row in sorted(rows, key=_badness, reverse=True)]
 
 
 def number(value: float | None, digits: int) -> str:
@@ -323,13 +327,16 @@ def methods_with_points(scene: bpy.types.Scene) -> list[str]:
 def show_error_image(context: bpy.types.Context, open_window: bool, method: str = "") -> bool:
     """``show_images`` for the error images, that of ``method`` first, and for the depth images if there are any."""
     errors = error_images(context.scene, method)
-    return show_images(context, [*errors, *depth_images(context.scene)] if errors else [], open_window)
+    names = {path: f"Error of {describe_method(name)}" for name, path in _files(context.scene, "error")}
+    return show_images(context, [*errors, *depth_images(context.scene)] if errors else [], open_window, names)
 
 
-def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool) -> bool:
+def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool,
+                names: Mapping[Path, str] | None = None) -> bool:
     """Load images and show the first in an Image Editor, as a step of undo; False if there is no Image Editor.
 
-    If no Image Editor is open, ``open_window`` opens a window with one.
+    If no Image Editor is open, ``open_window`` opens a window with one. ``names`` are what the editor calls them, if
+    not by their files.
     """
     if not paths or bpy.app.background:
         return False
@@ -337,8 +344,9 @@ def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool
     if area is None:
         return False
     images = [bpy.data.images.load(str(path), check_existing=True) for path in paths]
-    for image in images:
+    for image, path in zip(images, paths, strict=True):
         image.reload()
+        image.name = (names or {}).get(path, image.name)
     area.spaces.active.image = images[0]
     image_editor.fit(context, area)
     push_undo("Show Images")

@@ -24,7 +24,7 @@ from ..physics.scene_requirements import find_left_out
 from ..render.cost.abilities import Abilities
 from ..render.cost.quality_presets import QualityPreset, list_qualities
 from ..render.cost.speed import Speed, recall_speed
-from ..settings.table import TOPICS
+from ..settings.table import TOPICS, Setting
 from ..typed_settings import LightSettings, RigSettings, SensorSettings, Settings
 
 #: Disparity error, px, for which the depth error is given: that of good matchers on textured ground.
@@ -37,6 +37,8 @@ _WIDTH_PX, _SHORTEST = 280, 18  # of the sidebar as Blender opens it; of a line 
 #: 'quality.truth', 'quality.truth is DEPTH', 'quality.truth to DEPTH', 'quality.truth = DEPTH', 'quality.truth DEPTH'
 _NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?:( (?:(?:is|to|=) )?)([A-Z]\w*))?")
 _UNIT = re.compile(r" [(][^)]*[)]$")
+#: Settings that a panel of another name has.
+_PANELS = {("dataset", "methods"): "Evaluation"}
 #: The space between a number and its unit, at which no line is broken, and what takes its place meanwhile.
 _BEFORE_UNIT, _HOLD = re.compile(r"(?<=\d) (?=(?:%|px|[kcmµ]?m|[mµ]?s|min|h|[kMG]B|W/m²)(?![\w/]))"), "\u00a0"
 
@@ -59,7 +61,7 @@ def remember(function: Callable[..., Found]) -> Callable[..., Found]:
 def plain(sentence: str) -> str:
     """A sentence with labels instead of keys.
 
-    'quality.truth is DEPTH' becomes 'Quality and Speed > Truth is Depth Only', 'to DEPTH' likewise, and a topic at the
+    'quality.truth is DEPTH' becomes 'Quality and Speed ▸ Truth is Depth Only', 'to DEPTH' likewise, and a topic at the
     beginning, such as 'rock_surface: ', becomes 'Rock Surface: '.
     """
     topic, colon, rest = sentence.partition(": ")
@@ -74,8 +76,13 @@ def _label_of(found: re.Match[str]) -> str:
     for setting in TOPICS[topic].settings if topic in TOPICS else ():
         if setting.key == key:
             value = {choice[0]: choice[1] for choice in setting.choices}.get(chosen, chosen)
-            return f"{TOPICS[topic].label} > {_UNIT.sub('', setting.label)}{verb or ''}{value or ''}"
+            return f"{place_of(topic, setting)}{verb or ''}{value or ''}"
     return found[0]
+
+
+def place_of(topic: str, setting: Setting) -> str:
+    """Where the sidebar has a setting: its panel and its label, without the unit."""
+    return f"{_PANELS.get((topic, setting.key), TOPICS[topic].label)} ▸ {_UNIT.sub('', setting.label)}"
 
 
 def in_window(message: object) -> str:
@@ -261,7 +268,7 @@ _list_qualities = remember(list_qualities)
 def speed_line(settings: Settings) -> str:
     """Of which machine the seconds are."""
     speed = known_speed(str(settings.quality.device))
-    return f"Timed on {speed.basis}" if speed else "Timed on another machine; Speed and Accuracy below times this one"
+    return f"Timed on {speed.basis}" if speed else "Timed on another machine"
 
 
 @lru_cache(maxsize=2)

@@ -426,7 +426,7 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
             scene.icymoon.pairs = " ".join(pair.id for pair in _spread(pairs))
             jobs.push_undo(self.bl_label)
         super().report_success(context)
-        results.show_images(context, [*sorted_curves(context.scene).values()], open_window=False)
+        _show_curves(context, open_window=False)
 
 
 class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, bpy.types.Operator):
@@ -460,6 +460,18 @@ def sorted_curves(scene: bpy.types.Scene) -> dict[str, Path]:
     return {name: curves[name] for name in sorted(curves, key=lambda name: name not in listed)}
 
 
+def curve_title(name: str) -> str:
+    """What a curve of the error against a setting is called."""
+    return f"Error against {label_of(name)}"
+
+
+def _show_curves(context: bpy.types.Context, open_window: bool, first: str = "") -> None:
+    """Show the curves in an Image Editor, that of the setting ``first`` before the others."""
+    curves = sorted_curves(context.scene)
+    results.show_images(context, sorted(curves.values(), key=lambda path: path != curves.get(first)), open_window,
+                        {path: curve_title(name) for name, path in curves.items()})
+
+
 class ICYMOON_OT_show_curve(bpy.types.Operator):
     """Show the error of each matcher against a setting that varies, in an Image Editor"""
 
@@ -476,9 +488,7 @@ class ICYMOON_OT_show_curve(bpy.types.Operator):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        curves = sorted_curves(context.scene)
-        paths = sorted(curves.values(), key=lambda path: path != curves.get(self.setting))
-        results.show_images(context, paths, open_window=True)
+        _show_curves(context, open_window=True, first=self.setting)
         return {"FINISHED"}
 
 

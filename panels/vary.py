@@ -119,7 +119,7 @@ def _draw_curves(layout: Any, scene: bpy.types.Scene) -> None:
         return
     column = layout.column(align=True)
     for name in found[:_CURVES]:
-        column.operator("icymoon.show_curve", text=f"Error against {label_of(name)}", icon="FCURVE").setting = name
+        column.operator("icymoon.show_curve", text=vary.curve_title(name), icon="FCURVE").setting = name
     column.operator("icymoon.open_report", icon="URL")
 
 

@@ -96,7 +96,7 @@ def test_the_question_before_installing_offers_online_access_where_it_is_off(mon
 def test_nothing_is_installed_without_online_access(extension, monkeypatch):
     monkeypatch.setattr(install_evaluator, "bpy", SimpleNamespace(app=SimpleNamespace(online_access=False)))
     monkeypatch.setattr(install_evaluator, "Process", None)
-    with pytest.raises(IcyMoonError, match="needs online access; allow it in Preferences > System"):
+    with pytest.raises(IcyMoonError, match="needs online access; allow it in Preferences ▸ System"):
         install_evaluator.ICYMOON_OT_install_evaluator.start(stand_in(), bpy.context)
 
 
@@ -113,7 +113,7 @@ def test_after_installing_what_was_asked_for_is_evaluated(monkeypatch):
 
 @pytest.mark.parametrize(("background", "said"), [
     (True, r"install it with blender --online-mode -b --python-expr .*install_evaluator.*or set ICYMOON_EVALUATOR"),
-    (False, "open Preferences > Add-ons > Icy Moon and press Install Evaluator")])
+    (False, "open Preferences ▸ Add-ons ▸ Icy Moon and press Install Evaluator")])
 def test_who_has_no_evaluator_is_told_what_can_be_done_there(extension, monkeypatch, background, said):
     monkeypatch.setattr(bpy, "app", SimpleNamespace(binary_path="/blender", background=background))
     with pytest.raises(IcyMoonError, match=said):

@@ -92,7 +92,7 @@ def test_nothing_follows_where_it_is_switched_off_or_not_shown_and_failures_are_
         assert until_rested() == 0
     small.icymoon.rig.distortion_k1 = -10.0  # folds the image
     assert until_rested() == 1
-    assert "Stereo Camera > Distortion k1" in " ".join(live_exposure.lines())
+    assert "Stereo Camera ▸ Distortion k1" in " ".join(live_exposure.lines())
     panel = next(p for p in CLASSES if getattr(p, "bl_idname", "") == "ICYMOON_PT_sensor")
     told = " ".join(shown["text"] for name, _, shown in drawn(panel) if name == "label")
     assert "Distortion k1" in told

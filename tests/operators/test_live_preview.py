@@ -235,7 +235,7 @@ def test_settings_out_of_sense_are_a_sentence_and_keep_the_picture(watched):
     built = change(watched, "terrain.inner_scale_m", 9.0)  # longer than the outer scale, 8 m
     assert state(built) == before
     assert any("inner_scale_m" in sentence for sentence in preview.notes(watched))
-    assert "Ground > Smallest Feature" in texts(drawn(sidebar.ICYMOON_PT_main))  # as the sidebar names it
+    assert "Ground ▸ Smallest Feature" in texts(drawn(sidebar.ICYMOON_PT_main))  # as the sidebar names it
     built = change(watched, "light.sun_elevation_deg", 60.0)  # what makes sense is still shown
     assert built.settings.light.sun_elevation_deg == 60.0
     assert any("inner_scale_m" in sentence for sentence in preview.notes(watched))

@@ -44,6 +44,24 @@ def test_the_status_line_names_a_matcher_as_its_tick_does():
     assert results.outcome({**row, "method": "mine", "n": 0}) == "mine: no result"
 
 
+def test_the_best_matcher_is_reported_last():
+    """The status bar shows what is reported last."""
+    row = {"method": "bm", "n": 9, "total_bad_1": 0.5, "coverage": 0.9, "l1_m": 0.25}
+    rows = [row, {**row, "method": "sgbm", "total_bad_1": 0.25}, {**row, "method": "jplv", "n": 0}]
+    assert [text.partition(":")[0] for text in results.outcomes(rows)] == ["JPLV", "StereoBM", "SGBM"]
+
+
+def test_the_number_of_pairs_of_a_data_set_is_told(scene, tmp_path):
+    evaluated(scene, tmp_path, {**ROW, "pairs": 12}, scope="DATASET")
+    assert results.notes(scene) == ["Of the data set, 12 pairs, 2038-06-01 12:34 UTC"]
+
+
+def test_a_changed_setting_is_named_by_the_panel_that_has_it(scene, tmp_path):
+    evaluated(scene, tmp_path)
+    scene.icymoon.dataset.methods = "jplv"
+    assert results.differences(scene) == ["Evaluation ▸ Matchers"]
+
+
 def test_what_limits_the_results_is_kept_with_them(scene, tmp_path):
     evaluated(scene, tmp_path)
     assert results.limits(scene) == ()
@@ -72,7 +90,7 @@ def test_a_result_that_noise_decides_comes_with_the_button_that_finds_the_remedy
     assert buttons_of_results().count("icymoon.auto_quality") == 1
     labels = " ".join(entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label")
     assert labels.count("Noise of the render decides") == 1
-    assert "raise Quality and Speed > Samples" in labels
+    assert "raise Quality and Speed ▸ Samples" in labels
 
 
 def buttons_of_results():

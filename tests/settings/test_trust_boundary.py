@@ -135,6 +135,7 @@ def test_what_the_window_gives_to_processes_has_passed_the_gate():
     # view_exposure.py sets how bright the view is, no more.
     assert {name for name, text in texts.items() if "read_unchecked(" in text} == {
         "live_preview.py", "ground.py", "presets.py", "vary.py", "view_exposure.py"}
-    # results.py only compares them with those that were measured, vary.py only draws their field.
+    # results.py only compares them with those that were measured, vary.py only draws their field, sidebar_text.py only
+    # tells where that field is.
     assert {name for name, text in texts.items() if '"methods"' in text or "dataset.methods" in text} == {
-        "evaluate.py", "results.py", "vary.py"}
+        "evaluate.py", "results.py", "sidebar_text.py", "vary.py"}
