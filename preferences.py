@@ -113,12 +113,12 @@ def _how_to_get_one() -> str:
     """What to do where there is no evaluator, as a sentence."""
     if not can_install_evaluator():
         return ("The Python of this Blender was not found as a program, or it lacks numpy, so it cannot evaluate; "
-                f"choose a Python that has {_NEEDED} in Preferences > Add-ons > Icy Moon, or name it by "
+                f"choose a Python that has {_NEEDED} in Preferences ▸ Add-ons ▸ Icy Moon, or name it by "
                 "ICYMOON_EVALUATOR.")
     if bpy.app.background:
         return ("There is no evaluator yet; install it with blender --online-mode -b --python-expr \"import bpy; "
                 f"bpy.ops.icymoon.install_evaluator()\", or set ICYMOON_EVALUATOR to a Python that has {_NEEDED}.")
-    return ("There is no evaluator yet; open Preferences > Add-ons > Icy Moon and press Install Evaluator, or choose a "
+    return ("There is no evaluator yet; open Preferences ▸ Add-ons ▸ Icy Moon and press Install Evaluator, or choose a "
             f"Python that has {_NEEDED}.")
 
 
@@ -267,16 +267,16 @@ class ICYMOON_AP_preferences(bpy.types.AddonPreferences):
         if bundled_wheels.are_there():
             layout.label(text="The evaluator is part of the extension; only networks need a Python of their own",
                          icon="CHECKMARK")
-        row = layout.row()
-        row.operator("icymoon.make_asset_library", icon="ASSET_MANAGER",
-                     text="Make Asset Library Again" if has_assets() else "Make Asset Library")
-        if has_assets() or find_asset_libraries():
-            row.operator("icymoon.remove_asset_library", text="Remove Asset Library", icon="TRASH")
         for finding in findings:
             column = layout.column(align=True)
             column.label(text=f"{finding.subject}: {finding.fact}", icon=_ICONS[finding.state])
             if finding.fix:
                 column.label(text=finding.fix, icon="BLANK1")
+        row = layout.row()
+        row.operator("icymoon.make_asset_library", icon="ASSET_MANAGER",
+                     text="Make Asset Library Again" if has_assets() else "Make Asset Library")
+        if has_assets() or find_asset_libraries():
+            row.operator("icymoon.remove_asset_library", text="Remove Asset Library", icon="TRASH")
         layout.prop(self, "evaluator")
         layout.prop(self, "kernels")
         layout.prop(self, "cache")

@@ -47,7 +47,8 @@ class ICYMOON_OT_make_asset_library(jobs.JobOperator, bpy.types.Operator):
             library = context.preferences.filepaths.asset_libraries.new(name=_NAME, directory=str(asset_folder()))
             library.import_method = "APPEND"  # what is dropped can be edited; Blender 5 would pack it otherwise
         _show_in_browsers()
-        self.report({"INFO"}, f"Made {self._assets} assets; choose the library {_NAME} in the Asset Browser")
+        many = "s" * (self._assets != 1)
+        self.report({"INFO"}, f"Made {self._assets} asset{many}; choose the library {_NAME} in the Asset Browser")
 
 
 class ICYMOON_OT_remove_asset_library(bpy.types.Operator):

@@ -40,7 +40,7 @@ class ICYMOON_OT_paint_decisions(bpy.types.Operator):
     """Paint what a lander would decide on the ground, in Solid shading, with the chosen site and the arm's reach"""
 
     bl_idname = "icymoon.paint_decisions"
-    bl_label = "Show Decisions on Ground"
+    bl_label = "Show Decisions"  # the redo panel cuts longer ones
     bl_options = {"REGISTER", "UNDO"}
 
     method: bpy.props.StringProperty(name="Matcher", description="Matcher of the decisions; empty for the first")  # type: ignore[valid-type]

@@ -196,8 +196,9 @@ class ICYMOON_OT_load_preset(dialogs.SearchDialog, bpy.types.Operator):
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:
-        found = next((text for name, _, text in preset_items() if name == properties.preset), "")
-        return found or str(cls.__doc__)
+        """Blender adds the title and the description of the preset where one is given."""
+        given = properties.is_property_set("preset")
+        return "Load this preset into the settings of the scene" if given else str(cls.__doc__)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon

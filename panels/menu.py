@@ -1,4 +1,4 @@
-"""The menus Render > Icy Moon and Add > Mesh, and the status bar. F3 finds only operators that are in a menu."""
+"""The menus Render ▸ Icy Moon and Add ▸ Mesh, and the status bar. F3 finds only operators that are in a menu."""
 
 from __future__ import annotations
 
@@ -133,7 +133,7 @@ class ICYMOON_MT_results(bpy.types.Menu):
         layout.operator("icymoon.paint_errors").method = ""
         layout.operator("icymoon.hide_surface")
         layout.separator()
-        layout.operator("icymoon.paint_decisions").method = ""
+        layout.operator("icymoon.paint_decisions", text="Show Decisions on Ground").method = ""
         layout.operator("icymoon.hide_decisions")
 
 
