@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -21,7 +22,7 @@ from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
 from ..settings.table import all_settings
 from ..settings.trust_boundary import OWN
-from ..stereo.matchers import TITLES
+from ..stereo.matchers import NEEDS, TITLES
 from ..stereo.matchers.methods import toggle_method
 from ..typed_settings import Settings
 from . import jobs, own_reports, results
@@ -173,6 +174,12 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
 
     matcher: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Matcher", default="bm", description="Name of the matcher, such as sgbm or own:mine")
+
+    @classmethod
+    def description(cls, context: bpy.types.Context, properties: Any) -> str:
+        """With what the matcher needs, if anything."""
+        needs = NEEDS.get(properties.matcher, "")
+        return f"{cls.__doc__}. It needs {needs}" if needs else str(cls.__doc__)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon.dataset

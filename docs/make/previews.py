@@ -1,10 +1,11 @@
 """Make the small pictures of shipped presets that the sidebar and the Asset Browser show: presets/previews/NAME.jpg.
 
     python docs/make/previews.py [KIND/NAME ...]      all by default; takes some minutes
+    python docs/make/previews.py choose               choose.jpg from the pictures that are there
 
 Each is what the left camera gives of the scene preset, exposed by its own response. A preset of a part is shown in a
 scene that is the same for its kind, in previews/KIND/NAME.jpg. choose.jpg, which is shown while no scene is chosen, is
-the gallery side by side.
+four of them.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ SAMPLES_OF: dict[str, tuple[str, Parts]] = {
     "lights": ("gallery/block_field", _LIGHT),
     "bodies": ("gallery/block_field", _LIGHT),
 }
+#: Scenes that choose.jpg shows: no two alike, and each clear where the sidebar shows it small.
+CHOICE = ("gallery/saturn_light", "gallery/penitentes", "scenes/europa_stained_plain", "scenes/workspace_europa_lander")
 #: Kinds whose pictures all have one exposure, which shows their albedos or their light. The square root of the light is
 #: shown, as rovers send it, so that the dark ones are not black.
 SAME_EXPOSURE = ("surfaces", "lights", "bodies")
@@ -92,18 +95,17 @@ def _write(target: Path, image: np.ndarray) -> None:
     cv2.imwrite(str(target), image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
 
 
-def make_choice(columns: int = 4) -> None:
-    """Write the picture of the gallery, as large as one of them."""
-    images = [cv2.imread(str(preset_files.preview_path(name))) for name in preset_files.preset_names("gallery")]
-    size = WIDTH // columns, HEIGHT // columns
-    small = [cv2.resize(image, size, interpolation=cv2.INTER_AREA) for image in images]
-    rows = [np.hstack(small[k:k + columns]) for k in range(0, len(small) - columns + 1, columns)]
-    _write(preset_files.preview_path("choose"), np.vstack(rows))
+def make_choice() -> None:
+    """Write the picture of four scenes, as large as one of them."""
+    images = [cv2.imread(str(preset_files.preview_path(name))) for name in CHOICE]
+    small = [cv2.resize(image, (WIDTH // 2, HEIGHT // 2), interpolation=cv2.INTER_AREA) for image in images]
+    _write(preset_files.preview_path("choose"), np.vstack([np.hstack(small[:2]), np.hstack(small[2:])]))
 
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory(prefix="icymoon-previews-") as made:
         kinds = ("scenes", "gallery", *SAMPLES_OF)
         for wanted in sys.argv[1:] or [name for kind in kinds for name in preset_files.preset_names(kind)]:
-            print(make(wanted, Path(made)), flush=True)
+            if wanted != "choose":
+                print(make(wanted, Path(made)), flush=True)
     make_choice()

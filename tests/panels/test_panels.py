@@ -13,7 +13,7 @@ import pytest
 from evaluations import ROW, evaluated
 from icymoon import preferences
 from icymoon.commands.doctor import PLUGINS, Finding
-from icymoon.operators import evaluator, jobs, sidebar_text
+from icymoon.operators import evaluate, evaluator, jobs, sidebar_text
 from icymoon.operators.presets import preset_items
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import CLASSES, menu, sections, sidebar
@@ -447,6 +447,9 @@ def test_matchers_are_ticked_and_keep_their_options(scene):
     assert bpy.ops.icymoon.toggle_matcher(matcher="igev") == {"FINISHED"}
     assert group.methods == "bm,sgbm:window=7,igev"
     assert "PyTorch" in texts(drawn(sidebar.ICYMOON_PT_evaluation))
+    tips = {name: evaluate.ICYMOON_OT_toggle_matcher.description(bpy.context, SimpleNamespace(matcher=name))
+            for name in ("bm", "igev")}
+    assert ["PyTorch" in tips[name] for name in tips] == [False, True]  # before it is ticked too
     assert bpy.ops.icymoon.toggle_matcher(matcher="sgbm") == {"FINISHED"}
     assert group.methods == "bm,igev"
     with pytest.raises(RuntimeError, match="There is no matcher nonsense"):
