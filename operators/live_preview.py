@@ -109,7 +109,7 @@ def lines(scene: bpy.types.Scene) -> list[str]:
     if scenes.find_collection(scene) is None:
         return []
     follows = refine.note(scene)
-    sentences = [follows] if follows else preview.notes(scene) or ["Shown at full resolution"]
+    sentences = [follows] if follows else preview.notes(scene) or ["Ground in full detail"]
     fault = sky_fault(scene_properties.read_for_display(scene.icymoon).light)
     return [_NO_SKY if sentence == fault else plain(sentence) for sentence in sentences]
 

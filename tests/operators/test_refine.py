@@ -141,7 +141,7 @@ def test_warnings_about_the_fine_ground_stay_in_the_panel_until_a_setting_change
     assert "mesh." not in told
     watched.icymoon.light.sun_elevation_deg = 33.0
     live_preview.show_waiting()
-    assert live_preview.lines(watched) == ["Shown at full resolution"]
+    assert live_preview.lines(watched) == ["Ground in full detail"]
 
 
 def test_without_a_window_a_choice_only_loads(watched, monkeypatch):
