@@ -179,9 +179,7 @@ class ICYMOON_PT_evaluation(Sidebar, bpy.types.Panel):
         draw_start(column, "icymoon.evaluate_folder", "Evaluate Other Pairs…", "FILE_FOLDER")
         draw_start(column, "icymoon.decide", "Decide Where to Dig", "VIEWZOOM")
         column.operator("icymoon.open_report", icon="URL")
-        has = "has" if results.summary(context.scene) else "will have"
-        draw_sentence(self.layout, f"Stereo Error, at the top of this tab, {has} the results and paints errors on the "
-                                   "ground.", "INFO")
+        draw_sentence(self.layout, "Errors in images and on the ground: Stereo Error, at the top", "INFO")
         draw_decisions(self.layout, context.scene)
 
 

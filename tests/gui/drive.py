@@ -194,6 +194,25 @@ def render_a_data_set() -> Waiting:
     group.folder = before
 
 
+def vary_by_plus() -> Waiting:
+    """+ beside the list of Vary This Scene: a search, some letters and Return."""
+    varied = window().scene.icymoon.variations.varied
+    yield from to(*middle("UI"))
+    yield from scroll(400)  # down to the end, and up again to the data set
+    yield from scroll(-5)
+    yield from press("icymoon.vary")
+    yield 15 * TICK_S  # the search opens
+    yield from write_text("sun elev")
+    yield from screenshot("vary_plus")
+    yield from key("Return")
+    yield from until(lambda: len(varied) == 1, "Adding a setting by +")
+    check(varied[0].setting == "light.sun_elevation_deg", f"{varied[0].setting} varies")
+    yield from away()
+    yield from screenshot("vary_plus_added")
+    yield from press("icymoon.variation_remove")
+    yield from until(lambda: not varied, "Removing it")
+
+
 def vary_by_mouse() -> Waiting:
     """Vary the Sun's elevation from the context menu of its field, render the variations and look at the curve."""
     folder, group = FOLDER / "varied", window().scene.icymoon
@@ -240,7 +259,7 @@ def vary_by_mouse() -> Waiting:
     yield from press("icymoon.show_curve")
     yield from until(lambda: len(manager().windows) == 2, "Opening an Image Editor")
     image = manager().windows[1].screen.areas[0].spaces.active.image
-    check(image.name.startswith("light.sun_elevation_deg"), f"the picture is {image.name}")
+    check(image.name.startswith("Error against Sun Elevation"), f"the picture is {image.name}")
     yield 10 * TICK_S
     yield from screenshot("vary_curve")
     yield from person.close_second_window("the Image Editor")
@@ -440,14 +459,20 @@ def cell_means(image: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarr
                      for top, bottom in pairwise(rows)])
 
 
-def on_screen(picture: np.ndarray, name: str) -> Waiting:
-    """How much what the second window shows of the image differs from a picture (H, W, 3), from 0 to 1."""
-    yield from screenshot(name)
+def read_screenshot(name: str) -> np.ndarray:
+    """The colours (H, W, 3) of the last screenshot of this name, from below, as Blender's places are."""
     shot = bpy.data.images.load(str(max(FOLDER.glob(f"*_{name}.png"))))
     screen = np.empty(len(shot.pixels), np.float32)
     shot.pixels.foreach_get(screen)
-    screen = screen.reshape(shot.size[1], shot.size[0], -1)[..., :3]  # from below, as Blender's places are
+    screen = screen.reshape(shot.size[1], shot.size[0], -1)[..., :3]
     bpy.data.images.remove(shot)
+    return screen
+
+
+def on_screen(picture: np.ndarray, name: str) -> Waiting:
+    """How much what the second window shows of the image differs from a picture (H, W, 3), from 0 to 1."""
+    yield from screenshot(name)
+    screen = read_screenshot(name)
     other = manager().windows[1]
     canvas = next(r for r in other.screen.areas[0].regions if r.type == "WINDOW")
     corners = np.array([canvas.view2d.view_to_region(k, k, clip=False) for k in (0.0, 1.0)], float)
@@ -892,7 +917,13 @@ def decide_by_mouse() -> Waiting:
         yield from until(partial(holds, title, legend), f"Painting {kind} by {method}")
         check((shading.type, shading.color_type) == ("SOLID", "VERTEX"), f"the view shows {shading.color_type}")
         yield from away()
-        yield from screenshot(f"decisions_{kind.lower()}_{method.replace(' ', '_')}")
+        yield from screenshot(name := f"decisions_{kind.lower()}_{method.replace(' ', '_')}")
+        screen, view = read_screenshot(name), region("WINDOW")
+        red, green, blue = screen[view.y:view.y + view.height, view.x:view.x + view.width // 2 + 100].reshape(-1, 3).T
+        check(((blue - red > 0.3) & (green - red > 0.3)).sum() > 50, "no line of the reach is seen in cyan")
+        check(method == "sgbm" or ((red - green > 0.3) & (blue - green > 0.15)).sum() > 20, "no magenta ring is seen")
+        white = float((np.minimum(np.minimum(red, green), blue) > 0.85).mean())
+        check(kind == "HEIGHT_ERROR" or white < 0.02, f"{white:.0%} of the view is white, as the lander must not be")
     there = {item.name for item in painted.find(window().scene).objects}
     check(painted.REACH in there, f"what is shown is {there}")
     yield from key("ctrl+z")
@@ -909,7 +940,7 @@ def decide_by_mouse() -> Waiting:
 
 STEPS = (open_the_tab, load_europa, open_all_panels, build_by_mouse, undo_and_redo, slide_by_mouse, render_by_mouse,
          pair_on_the_screen, escape_a_render, evaluate_by_mouse, measured_surface, painted_errors, show_error,
-         camera_image_follows, render_a_data_set, vary_by_mouse, evaluate_other_pairs, preferences_page,
+         camera_image_follows, render_a_data_set, vary_by_plus, vary_by_mouse, evaluate_other_pairs, preferences_page,
          search_and_clear, drag_an_asset, choose_by_picture, undo_by_key, render_in_a_local_view, turn_an_arm,
          dig_a_trench, decide_by_mouse)
 NAMES = [step.__name__ for step in STEPS]

@@ -181,7 +181,7 @@ def _look(recognised: Callable[[], bool], columns: tuple[float, ...],
 #: Where buttons are looked for across the sidebar: left and right in a row of two, bare icons at its end, and two
 #: of three.
 COLUMNS = (0.35, 0.66, 0.74, 0.82, 0.9, 0.15, 0.48)
-ICONS = ("icymoon.add_preset",)
+ICONS = ("icymoon.add_preset", "icymoon.vary", "icymoon.variation_remove")
 #: Where the buttons in the headers of panels are, across the sidebar.
 HELP = 0.785
 #: Height of the picture of the scene, in heights of a button, and of a button.
