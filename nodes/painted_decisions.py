@@ -17,6 +17,7 @@ from ..stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, Sto
 from ..stereo.images.colours import SKY_GREY
 from .built_scene import Built
 from .datablocks.fingerprint import TAG, instanced_objects
+from .ground.terrain_mesh import build_mesh_from_arrays
 from .measured_surface import set_colours, shares
 from .painted_errors import ROLE, add_colours, begin, corners_of, darken, find, other_meshes, to_world
 
@@ -35,6 +36,8 @@ _ICONS = {"safe": "COLORSET_03_VEC", "unsafe": "COLORSET_02_VEC", "gentle": "COL
 _ABOVE_M = 0.01
 #: Half the thickness of the lines of marks, metres, and points of a ring.
 _RADIUS_M, _RING_POINTS = 0.006, 48
+#: Sides of these lines, and the least of 1 plus the cosine of a turn, which bounds how far a sharp corner reaches.
+_SIDES, _SHARPEST = 6, 0.25
 
 
 def paint(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -> bpy.types.Collection:
@@ -107,21 +110,33 @@ def _reach(stored: StoredMap, reach: np.ndarray) -> bpy.types.Object:
 
 
 def _draw_lines(name: str, ways: list[np.ndarray]) -> bpy.types.Object:
-    """Closed lines through positions (n, 3) with a thickness: in a camera view, bare lines and empties are hidden with
-    the overlays."""
-    curve = bpy.data.curves.new(name, "CURVE")
-    curve.dimensions, curve.bevel_depth, curve.bevel_resolution = "3D", _RADIUS_M, 1
-    for way in ways:
-        spline = curve.splines.new("POLY")
-        spline.points.add(len(way) - 1)
-        spline.points.foreach_set("co", np.pad(way, ((0, 0), (0, 1)), constant_values=1.0).astype(np.float32).ravel())
-        spline.use_cyclic_u = True
-    drawn = bpy.data.objects.new(name, curve)
-    mesh = bpy.data.meshes.new_from_object(drawn)  # in Blender 5.2, a curve is white where the view shows vertices
-    mesh.name = name
-    bpy.data.batch_remove([drawn, curve])
+    """Closed lines through positions (n, 3) with a thickness and colours of vertices: in a camera view, bare lines and
+    empties are hidden with the overlays, and in Blender 5.2 what has no such colours is white."""
+    tubes = [_tube(way) for way in ways]
+    starts = np.cumsum([0, *(len(position) for position, _ in tubes)])
+    mesh = build_mesh_from_arrays(name, np.concatenate([position for position, _ in tubes]),
+                                  np.concatenate([faces + start for (_, faces), start in
+                                                  zip(tubes, starts, strict=False)]))
     set_colours(add_colours(mesh), np.tile(np.array(_MARKS[name][0], np.uint8), (len(mesh.vertices), 1)))
     return bpy.data.objects.new(name, mesh)
+
+
+def _tube(way: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (n _SIDES, 3) and triangles of a tube along a closed line through positions (n, 3), as wide at corners
+    seen from above as between them."""
+    along = np.roll(way, -1, axis=0) - way
+    across = np.stack([along[:, 1], -along[:, 0]], axis=1)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
+    before = np.roll(across, 1, axis=0)
+    sharp = np.maximum(1 + (before * across).sum(axis=1, keepdims=True), _SHARPEST)
+    mitre = np.pad((before + across) / sharp, ((0, 0), (0, 1)))
+    angle = 2 * np.pi * np.arange(_SIDES) / _SIDES
+    round_ = np.cos(angle)[:, None] * mitre[:, None] + np.sin(angle)[:, None] * np.array((0.0, 0.0, 1.0))
+    here = np.arange(len(way) * _SIDES).reshape(-1, _SIDES)
+    there = np.roll(here, -1, axis=0)
+    corners = np.stack([here, np.roll(here, -1, axis=1), np.roll(there, -1, axis=1), there], axis=-1)
+    return ((way[:, None] + _RADIUS_M * round_).reshape(-1, 3),
+            np.concatenate([corners[..., (0, 1, 2)].reshape(-1, 3), corners[..., (0, 2, 3)].reshape(-1, 3)]))
 
 
 def _on_ground(stored: StoredMap, place: np.ndarray) -> np.ndarray:

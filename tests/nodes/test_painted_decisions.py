@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 
 import bpy
@@ -96,10 +97,13 @@ def test_the_site_and_the_reach_lie_where_they_were_decided(shown):
     np.testing.assert_allclose(place[:, 2], 0.21, atol=thick_m)
     assert len(site.data.polygons) >= 100  # with a thickness, or it is hidden with the overlays
     place = positions(reach.data)
-    np.testing.assert_allclose(place.min(axis=0)[:2], (-1.5 + 5 * CELL_M, 1.0 - 8 * CELL_M), atol=1.5 * thick_m)
-    np.testing.assert_allclose(place.max(axis=0)[:2], (-1.5 + 25 * CELL_M, 1.0 - 2 * CELL_M), atol=1.5 * thick_m)
-    edges = np.bincount(np.concatenate([list(edge) for face in reach.data.polygons for edge in face.edge_keys]))
-    assert (edges > 0).all()  # the line is closed: no vertex of it has no face
+    # The line is as wide at the corners as between them.
+    np.testing.assert_allclose(place.min(axis=0)[:2], np.array((-1.5 + 5 * CELL_M, 1.0 - 8 * CELL_M)) - 0.006,
+                               atol=1e-5)
+    np.testing.assert_allclose(place.max(axis=0)[:2], np.array((-1.5 + 25 * CELL_M, 1.0 - 2 * CELL_M)) + 0.006,
+                               atol=1e-5)
+    for item in (site, reach):  # closed: two faces meet at each edge
+        assert set(Counter(edge for face in item.data.polygons for edge in face.edge_keys).values()) == {2}
     assert site.hide_render
     assert reach.hide_render
     told = {text for text, _ in painted_decisions.legend(bpy.context.scene)}
