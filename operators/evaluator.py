@@ -35,7 +35,7 @@ class ICYMOON_OT_check_evaluator(bpy.types.Operator):
         show_findings([replace(finding, fix=plain(finding.fix)) for finding in found])
         missing = next((finding for finding in found if finding.state == "missing"), None)
         if missing:
-            self.report({"ERROR"}, f"{missing.subject}: {missing.fact}. {missing.fix}".strip())
+            self.report({"ERROR"}, in_window(f"{missing.subject}: {missing.fact}. {missing.fix}".strip()))
             return {"CANCELLED"}
         self.report({"INFO"}, f"Ready: {', '.join(f.subject for f in found if f.state == 'ok')}")
         return {"FINISHED"}

@@ -123,7 +123,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
                                context.scene.frame_current, time.perf_counter() - start, lambda *a, **k: None,
                                self.again)
         context.scene.icymoon.pairs = " ".join(folder.name for folder in folders)
-        self.report({"INFO"}, f"{len(folders)} stereo pair(s) in {folders[0].parent}")
+        self.report({"INFO"}, f"{len(folders)} stereo pair{'s' * (len(folders) > 1)} in {folders[0].parent}")
 
     def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, "Stereo pair rendered; press Evaluate to measure it")
