@@ -34,6 +34,8 @@ TRANSFORM = "Raw"
 EXPOSED, MEASURED = "icymoon_view_exposure", "icymoon_measured_brightness"
 #: Slope toward the Sun of the brightest hundredth of the ground, as a multiple of the mean square slope.
 _STEEPEST = 2.0
+#: Landforms with walls, by what turns them on: some of their faces face the Sun.
+_WITH_WALLS = (("chaos", "relief_m"), ("cracks", "depth_m"), ("pits", "depth_m"))
 _MOST = 10.0  # exposure of the view, up or down
 #: The light of ground that faces the planet, as a share of white, below which nobody sees it: a step of 8 bits.
 _UNSEEN = 1 / 255
@@ -53,7 +55,8 @@ def white_of(settings: Settings, measured: float = 1.0) -> float:
 
 def _brightest(settings: Settings) -> float:
     """About the radiance of the ground's brightest hundredth, W/(m² sr)."""
-    wm2 = sidebar_text.brightness_wm2(settings.light, _STEEPEST * settings.terrain.rms_slope_deg)
+    walls = settings.source.kind == "PROCEDURAL" and any(settings[topic][key] > 0 for topic, key in _WITH_WALLS)
+    wm2 = sidebar_text.brightness_wm2(settings.light, 90.0 if walls else _STEEPEST * settings.terrain.rms_slope_deg)
     return wm2 * _albedo(settings) / math.pi
 
 

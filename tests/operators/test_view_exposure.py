@@ -6,14 +6,17 @@ import json
 import math
 
 import bpy
+import numpy as np
 import pytest
 from icymoon import scene_properties
 from icymoon.nodes import scene as scenes
 from icymoon.operators import view_exposure
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings import changes
+from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.pair_views import read_pair_views
+from rendering import render
 
 SENSOR = {"shot_noise": False, "read_noise_e": 0.0, "prnu": 0.0, "dsnu_e": 0.0, "black_level": 0.0}
 
@@ -60,6 +63,18 @@ def test_the_view_is_as_bright_as_the_image(built, pair):
     built.icymoon.sensor.exposure_s = 0.7 * read_pair_views(pair, {}).exposures_s[0]
     view, image = brightness(built, pair)
     assert view == pytest.approx(image, rel=0.02)
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize("name", ["scenes/europa_chaos", "scenes/europa_sublimation_pits", "gallery/rugged_1_low"])
+def test_the_estimate_knows_which_ground_has_faces_that_face_the_sun(tmp_path, name):
+    """The view of a chosen scene is within a half of an f-stop of its image before a pair was rendered."""
+    pair, _ = render(tmp_path, load_preset(name), {
+        "mesh": {"kind": "GRADED"}, "quality": {"samples": 8, "denoiser": "NONE"},
+        "rig": {"width_px": 96, "height_px": 72}, "dataset": {"folder": str(tmp_path)}})
+    brightest = np.quantile(read_view(pair.image("left"), "left").radiance.mean(axis=2), 0.99)
+    expected = view_exposure.white_of(pair.settings) * pair.settings.sensor.auto_target
+    assert abs(math.log2(brightest / expected)) < 0.5
 
 
 def test_an_exposure_of_the_user_stays_and_clear_gives_all_back(built):
