@@ -42,9 +42,29 @@ def cut_hole(positions: np.ndarray, faces: np.ndarray, bounds_m: tuple[float, fl
 
 def _close_seams(positions: np.ndarray, faces: np.ndarray, meets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Which triangles (m,) go, with those across a seam, and the edges (k, 2) between them and those that stay."""
+    while True:
+        edges, owners, sides = _find_seams(positions, faces, meets)
+        grown, across = meets.copy(), owners[sides]
+        while len(across) and (open_seams := grown[across[:, 0]] != grown[across[:, 1]]).any():
+            grown[across[open_seams]] = True
+        if (grown == meets).all():  # else those that were added may have seams of their own
+            break
+        meets = grown
+    rim, _ = _rim_edges(faces[meets])
+    many = len(positions)
+    seams = edges[np.unique(sides)]
+    return meets, rim[~np.isin(rim[:, 0] * many + rim[:, 1], seams[:, 0] * many + seams[:, 1])]
+
+
+def _find_seams(positions: np.ndarray, faces: np.ndarray,
+                meets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Edges (k, 2) near the triangles that go, the triangle of each (k,), and the numbers (n, 2) of those of which the
+    second lies along the first, which belongs to a larger triangle."""
     used = np.zeros(len(positions), bool)
     used[faces[meets]] = True
-    near = np.flatnonzero(used[faces].any(axis=1))
+    around = np.zeros(len(positions), bool)
+    around[faces[used[faces].any(axis=1)]] = True  # small triangles along a side have corners that others do not
+    near = np.flatnonzero(around[faces].any(axis=1))
     edges, owners = _rim_edges(faces[near])
     owners = near[owners]
     begin, end = positions[edges[:, 0], :2], positions[edges[:, 1], :2]
@@ -57,14 +77,7 @@ def _close_seams(positions: np.ndarray, faces: np.ndarray, meets: np.ndarray) ->
         aside = np.abs(off[:, 0] * along[k, 1] - off[:, 1] * along[k, 0]) / length2[k]
         found = np.flatnonzero((share > 0) & (share < 1) & (aside < _ON_SIDE))
         pairs += [(int(k), int(j)) for j in found if owners[j] != owners[k]]
-    sides = np.array(pairs, np.int64).reshape(-1, 2)
-    meets, across = meets.copy(), owners[sides]
-    while len(across) and (open_seams := meets[across[:, 0]] != meets[across[:, 1]]).any():
-        meets[across[open_seams]] = True
-    rim, _ = _rim_edges(faces[meets])
-    many = len(positions)
-    seams = edges[np.unique(sides)]
-    return meets, rim[~np.isin(rim[:, 0] * many + rim[:, 1], seams[:, 0] * many + seams[:, 1])]
+    return edges, owners, np.array(pairs, np.int64).reshape(-1, 2)
 
 
 def _loop_of(once: np.ndarray) -> np.ndarray | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from icymoon.physics.mesh.patch_hole import cut_hole
 
 
@@ -45,6 +46,21 @@ def test_a_hole_across_a_seam_has_one_loop_that_encloses_what_went():
         assert np.isclose(enclosed(positions, loop), area_of(positions, faces[~kept]), rtol=1e-12)
         assert positions[loop, 0].min() <= west - 0.01
         assert positions[loop, 0].max() >= west + 1.31
+
+
+@pytest.mark.parametrize("mirror", [False, True])
+def test_the_hole_closes_wherever_its_ends_are_between_the_fine_vertices(mirror):
+    """The middle one of three small triangles along a side may have no corner that a larger one has."""
+    positions, faces = with_seam()
+    if mirror:
+        positions, faces = positions * (-1, 1, 1), faces[:, ::-1]
+    for west in np.linspace(-1.9, -0.9, 11):
+        for width in np.linspace(0.3, 1.9, 9):
+            for south, north in ((-0.8, 0.7), (0.1, 0.7), (-0.8, -0.05), (-0.3, 0.05)):
+                found = cut_hole(positions, faces, (west, south, west + width, north), 0.01)
+                assert found is not None, (west, width, south)
+                kept, loop = found
+                assert np.isclose(enclosed(positions, loop), area_of(positions, faces[~kept]), rtol=1e-12)
 
 
 def test_a_hole_that_meets_the_edge_of_the_mesh_is_none():
