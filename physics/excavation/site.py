@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 from ...errors import IcyMoonError
 from ...files import absolute_path
-from ...typed_settings import ExcavationSettings, Settings
+from ...typed_settings import ExcavationSettings, Settings, typed
+from ..arm.lander_arm import is_own
 from .cut import Pull, bounds_of
 from .grid import Grid, covering
 from .heap import Heap, ridge_height_m
@@ -61,12 +62,13 @@ def make_site(settings: Settings) -> Site:
 
     Raises IcyMoonError for what cannot be dug.
     """
-    if settings.excavation.path == JOINTS:
-        found, deepest = make_joint_pulls(settings)
-        return _lay_out(settings.excavation, tuple(map(tuple, found)), [pull for each in found for pull in each],
-                        deepest, gravity_m_s2(settings))
-    return _site(json.dumps({key: settings.excavation[key] for key in _OF_THE_SITE}), gravity_m_s2(settings),
-                 _file_state(settings.excavation))
+    excavation, gravity = settings.excavation, gravity_m_s2(settings)
+    if excavation.path == JOINTS:
+        arm_file = _file_state(settings.lander.file, "lander.file") if is_own(settings) else None
+        return _joint_site(json.dumps(settings | {"excavation": excavation | {"state": 0}}), gravity,
+                           (_file_state(excavation.file, "excavation.file"), arm_file))
+    return _site(json.dumps({key: excavation[key] for key in _OF_THE_SITE}), gravity,
+                 _file_state(excavation.file, "excavation.file") if excavation.path == RECORDED else None)
 
 
 #: Settings on which the site depends.
@@ -75,15 +77,22 @@ _OF_THE_SITE = ("path", "file", "start_x_m", "start_y_m", "heading_deg", "length
                 "heap_side", "heap_gap_m", "cell_m")
 
 
-def _file_state(excavation: ExcavationSettings) -> tuple[int, int] | None:
-    """Size and time of change of the file of a recorded path, which the user may edit; None without one to read."""
-    if excavation.path != RECORDED:
-        return None
+def _file_state(file: str, setting: str) -> tuple[int, int] | None:
+    """Size and time of change of the file of a setting, which the user may edit; None if there is none to read."""
     try:
-        there = absolute_path(excavation.file, "excavation.file").stat()
+        there = absolute_path(file, setting).stat()
     except OSError:
         return None  # reading it says why
     return there.st_size, there.st_mtime_ns
+
+
+@functools.lru_cache(maxsize=4)
+def _joint_site(key: str, gravity: float, _states: tuple[tuple[int, int] | None, ...]) -> Site:
+    """The site of recorded joints, which depends on the arm and on the ground too: on any setting but the state."""
+    settings = typed(json.loads(key))
+    found, deepest = make_joint_pulls(settings)
+    return _lay_out(settings.excavation, tuple(map(tuple, found)), [pull for each in found for pull in each], deepest,
+                    gravity)
 
 
 @functools.lru_cache(maxsize=16)

@@ -110,3 +110,26 @@ def test_the_ground_depends_on_the_arms_sizes_but_not_on_where_it_is_now(tmp_pat
     turned = description.merged(settings, {"arm": {"yaw_deg": 5.0}})
     longer = description.merged(settings, {"arm": {"upper_m": 1.1}})
     assert changes.scene(turned) == changes.scene(settings) != changes.scene(longer)
+
+
+def test_a_path_is_read_again_only_if_something_it_depends_on_has_changed(tmp_path, monkeypatch):
+    file = tmp_path / "joints.csv"
+    settings = described(file)
+    read = []
+    monkeypatch.setattr(sites, "make_joint_pulls", lambda given: read.append(1) or make_joint_pulls(given))
+    counts = []
+    for north, topics in ((1.5, {}), (1.5, {"excavation": {"state": 0}}), (1.5, {"arm": {"upper_m": 1.01}}),
+                          (1.5, {"rig": {"x_m": 0.1}}), (1.4, {})):
+        if not counts or north != 1.5:
+            write_lines(file, settings, [(1, 0.125, y, -0.05) for y in np.arange(1.8, north, -0.05)])
+        changed = description.merged(settings, topics)
+        made = [sites.make_site(changed) for _ in range(3)]
+        assert made[0] is made[1] is made[2]
+        counts.append(len(read))
+    assert counts == [1, 1, 2, 3, 4]
+    own = described(file, lander={"kind": "OWN", "file": str(write_robot(tmp_path))})
+    file.write_text("state,yaw_deg,pitch_deg,reach_m\n1,0,0,0\n1,10,5,0.1\n", encoding="utf-8")
+    before = sites.make_site(own).trench_m
+    (tmp_path / "arm.urdf").write_text((tmp_path / "arm.urdf").read_text(encoding="utf-8").replace(
+        'xyz="0.4 0 0.1"', 'xyz="0.55 0 0.1"'), encoding="utf-8")
+    assert sites.make_site(own).trench_m != before
