@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...files import shorten
 
 #: Largest file in bytes, and most triangles of one file.
 MOST_BYTES, MOST_TRIANGLES = 200_000_000, 1_000_000
@@ -66,15 +67,36 @@ def _read_stl(data: bytes) -> tuple[np.ndarray, np.ndarray]:
 def _read_obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     vertices: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
-    for line in data.decode("utf-8", "replace").splitlines():
+    farthest, at = 0, 0  # the highest number of a vertex that a face has, and the line of that face
+    for number, line in enumerate(data.decode("utf-8", "replace").splitlines(), 1):
         words = line.split()
         if words[:1] == ["v"]:
-            vertices.append([float(word) for word in words[1:4]])
+            vertices.append(_numbers(words[1:4], number))
         elif words[:1] == ["f"]:
-            face = [int(word.split("/")[0]) for word in words[1:]]
-            face = [k - 1 if k > 0 else len(vertices) + k for k in face]  # negative ones count from the last
+            face = [_index(word, len(vertices), number) for word in words[1:]]
+            if (highest := max(face, default=-1) + 1) > farthest:
+                farthest, at = highest, number
             triangles += [(face[0], face[k], face[k + 1]) for k in range(1, len(face) - 1)]
-    places, corners = np.array(vertices, np.float64).reshape(-1, 3), np.array(triangles, np.int64).reshape(-1, 3)
-    if len(corners) and (corners.min() < 0 or corners.max() >= len(places)):
-        raise ValueError("a face has a vertex that is not there")
-    return places, corners
+    if farthest > len(vertices):  # only now: a face may come before its vertices
+        raise ValueError(f"the face of line {at} has vertex {farthest}, but there are {len(vertices)}")
+    return np.array(vertices, np.float64).reshape(-1, 3), np.array(triangles, np.int64).reshape(-1, 3)
+
+
+def _numbers(words: list[str], number: int) -> list[float]:
+    try:
+        x, y, z = map(float, words)
+    except ValueError:
+        raise ValueError(f"the vertex of line {number} is not three numbers") from None
+    return [x, y, z]
+
+
+def _index(word: str, count: int, number: int) -> int:
+    """The index of a corner such as 7/1/2 of a face, after ``count`` vertices: from 1, or back from -1, the last."""
+    try:
+        index = int(word.split("/")[0])
+    except ValueError:
+        raise ValueError(f"the face of line {number} has {shorten(word)!r}, not the number of a vertex") from None
+    if index == 0 or index < -count:
+        raise ValueError(f"the face of line {number} has vertex {shorten(str(index))}; they count from 1, or back "
+                         "from -1")
+    return index - 1 if index > 0 else count + index

@@ -7,6 +7,7 @@ move, and the first link, have limits of 0.
 from __future__ import annotations
 
 import math
+import re
 import stat
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -71,22 +72,23 @@ def arm_of_file(own: OwnArm, base: np.ndarray) -> Arm:
 
 def commanded(own: OwnArm, text: str) -> np.ndarray:
     """Radians or metres of the joints that move, from ``lander.joints``: ``name=value`` in degrees or metres, or values
-    in the order of the file; 0 where none is given. Raises IcyMoonError for other text."""
+    in the order of the file; 0 where none is given. Names may have spaces. Raises IcyMoonError for other text."""
     found = dict.fromkeys(own.names, 0.0)
-    for k, word in enumerate(text.replace(",", " ").replace(";", " ").split()):
-        name, equals, number = word.rpartition("=")
-        if not equals:
-            name = own.names[k] if k < len(own.names) else ""
-        if name not in found:
-            raise IcyMoonError(f"lander.joints has {shorten(word)!r}, but the joints of the arm that move are "
-                               f"{shorten(', '.join(own.names)) or 'none'}; write name=value for each.")
+    any_name = "|".join(map(re.escape, sorted(own.names, key=len, reverse=True)))
+    item = re.compile((rf"(?:({any_name})\s*=\s*)?" if own.names else "()") + r"([^\s,;]+(?:\s*=\s*[^\s,;]*)*)")
+    for k, match in enumerate(item.finditer(text)):
+        name = match[1] or (own.names[k] if k < len(own.names) else "")
         try:
-            value = float(number)
+            value = float(match[2])
         except ValueError:
             value = math.nan
+            name = match[1] or ""
+        if name not in found:
+            raise IcyMoonError(f"lander.joints has {shorten(match[0])!r}, but the joints of the arm that move are "
+                               f"{shorten(', '.join(own.names)) or 'none'}; write name=value for each.")
         if not math.isfinite(value):
-            raise IcyMoonError(f"lander.joints has {shorten(word)!r}; give a number, in degrees, or metres for a joint "
-                               "that slides.")
+            raise IcyMoonError(f"lander.joints has {shorten(match[0])!r}; give a number, in degrees, or metres for a "
+                               "joint that slides.")
         found[name] = value if own.slides(name) else math.radians(value)
     return np.array([found[name] for name in own.names])
 

@@ -181,7 +181,11 @@ def test_a_link_out_of_the_folder_is_not_followed(tmp_path):
 @pytest.mark.parametrize(("name", "content", "words"), [
     ("m.stl", b"solid\n", "has no triangle"), ("m.stl", b"\0" * 90, "cut off"), ("m.stl", b"", "cut off"),
     ("m.stl", b"solid\nvertex 1 2 x\nvertex 0 0 0\nvertex 0 1 0\n", "is no STL mesh"),
-    ("m.obj", b"v 0 0 0\nf 1 2 3\n", "a vertex that is not there"), ("m.obj", b"v 1 2\n", "is no OBJ mesh"),
+    ("m.obj", b"v 0 0 0\nf 1 2 3\n", "the face of line 2 has vertex 3, but there are 1"),
+    ("m.obj", b"v 0 0 0\nv 1 0 0\nf 0 1 2\nv 0 1 0\n", "the face of line 3 has vertex 0; they count from 1"),
+    ("m.obj", b"v 0 0 0\nf -2 1 1\n", "vertex -2"), ("m.obj", b"v 0 0 0\nf 1 1 " + b"9" * 30, "but there are 1"),
+    ("m.obj", b"v 0 0 0\nf 1 a/2 1\n", "the face of line 2 has 'a/2', not the number of a vertex"),
+    ("m.obj", b"v 1 2\n", "the vertex of line 1 is not three numbers"),
     ("m.obj", b"v 0 0 inf\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "no place"), ("m.dae", b"<COLLADA/>", "convert this one")])
 def test_a_broken_mesh_is_a_sentence(tmp_path, name, content, words):
     (tmp_path / name).write_bytes(content)
@@ -197,8 +201,30 @@ def test_a_mesh_in_millimetres_is_told(tmp_path):
     assert "millimetres" in reason
 
 
-@pytest.mark.parametrize(("joints", "words"), [("elbow=3", "yaw, pitch, reach"), ("yaw=x", "give a number"),
-                                               ("1 2 0 4", "name=value"), ("yaw=nan", "give a number")])
+def test_a_face_may_come_before_its_vertices(tmp_path):
+    lines = write_obj(tmp_path / "m.obj").read_text(encoding="utf-8").splitlines()
+    vertices, triangles = read_link_mesh(tmp_path / "m.obj")
+    (tmp_path / "n.obj").write_text("\n".join([*(line for line in lines if line.startswith("f") and "-" not in line),
+                                               *(line for line in lines if line.startswith("v"))]), encoding="utf-8")
+    assert np.array_equal(read_link_mesh(tmp_path / "n.obj")[0], vertices)
+    assert np.array_equal(read_link_mesh(tmp_path / "n.obj")[1], triangles[:2])
+
+
+@pytest.mark.parametrize("joints", [
+    "base pan=10 pan=20 a,b=0.3", "base pan = 10, pan =20; a,b= 0.3", "10 20 0.3", "pan=20 a,b=0.3 base pan=10"])
+def test_names_of_joints_may_have_spaces(tmp_path, joints):
+    text = JOINTS
+    for name, new in (("yaw", "base pan"), ("pitch", "pan"), ("reach", "a,b")):
+        text = text.replace(f'"{name}"', f'"{new}"')
+    facts = joint_facts(described(write_robot(tmp_path, text), joints))
+    assert facts["joints"] == ["base pan", "pan", "a,b"]
+    assert facts["joints_deg"] == pytest.approx([10.0, 20.0, 0.3])
+
+
+@pytest.mark.parametrize(("joints", "words"), [
+    ("elbow=3", "'elbow=3', but the joints"), ("elbow = 3", "'elbow = 3', but the joints"), ("yaw=x", "give a number"),
+    ("elbow 3", "'elbow', but the joints of the arm that move are yaw, pitch, reach"), ("1 2 0 4", "name=value"),
+    ("yaw=nan", "give a number"), ("ayaw=3", "'ayaw=3', but"), ("yaw=1=2", "'yaw=1=2'; give a number")])
 def test_angles_of_joints_that_are_not_there_are_a_sentence(tmp_path, joints, words):
     (reason,) = lander_reasons(described(write_robot(tmp_path), joints))
     assert words in reason
