@@ -97,7 +97,7 @@ def _make_parser() -> argparse.ArgumentParser:
     _add_scene_options(trade)
     _add_bench_options(trade)
     trade.add_argument("--groups", default="", help="what to vary, separated by commas: samples, bounces, threshold, "
-                       "shortcuts, subsurface, glints, mesh, relief, hapke (all that the scene has)")
+                       "indirect, shortcuts, files, subsurface, glints, mesh, relief, hapke (all that the scene has)")
     trade.add_argument("--repeats", type=int, default=2, help="renders of each variant (%(default)s)")
     trade.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     trade.set_defaults(run=_run_trade)

@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from icymoon.commands.cli import main
+from icymoon.render.cost.variants import GROUPS
 from icymoon.version import ROOT
 
 
@@ -34,6 +36,13 @@ def test_a_mistake_is_one_sentence_and_exit_code_1(arguments, word, tmp_path):
     assert "Traceback" not in done.stderr + done.stdout
     assert len(done.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "out" / "pairs").exists()
+
+
+def test_the_help_of_trade_names_each_group(capsys):
+    with pytest.raises(SystemExit):
+        main(["trade", "--help"])
+    said = capsys.readouterr().out
+    assert [group for group in GROUPS if f"{group}," not in said and f"{group} (" not in said] == []
 
 
 def test_a_worker_that_dies_is_named_by_its_last_words(tmp_path):
