@@ -49,8 +49,10 @@ def _decision_line(name: str, methods: Sequence[str], rows: Sequence[Row], scene
     best = _cheapest([row for row in rows if same[row["key"]]], margin)
     if best is not None:
         differs = decisions_text(best["decisions"][methods[0]]) if len(methods) == 1 else ""
+        idle = [method for method in methods if best["decisions"][method]["taken"] == 0]
+        empty = f"; but {' and '.join(idle)} found no safe site on the reference, so that tells little" if idle else ""
         return (f"{name}, the same decisions as the reference: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
-                f"{_ratio_text(scene, best, margin)}{differs and f', decides {differs}'}.")
+                f"{_ratio_text(scene, best, margin)}{differs and f', decides {differs}'}{empty}.")
     own = all_hold(found["same"] for label, found in reference["own_decisions"].items() if label in methods)
     if own is False or None in same.values():
         return (f"{name}: noise leaves open which variant leads to the same decisions as the reference; give more "

@@ -64,7 +64,8 @@ class Deciding:
         """``otherwise``: the share of the cells in reach that are decided otherwise; ``unsafe``: by how many more of
         them are unsafe but taken for safe, as a share of all; the ``_doubt`` of both, two standard errors; ``shift_m``
         of the chosen site and ``regret``, by how much its regret is larger; means over renders, None where undefined;
-        ``same``: whether the decisions are by RULE, None where noise leaves it open."""
+        ``taken``: the share of them that is taken for safe on the reference; ``same``: whether the decisions are by
+        RULE, None where noise leaves it open."""
         truth, among = self.workspace.truth, self._among
         danger = among & ~truth.sites.safe
         sums = np.stack([tile_sums(among, among & (each.safe != own.safe), danger & each.safe, danger & own.safe)
@@ -72,7 +73,8 @@ class Deciding:
         values, errors = jackknife(_shares, sums)
         result: dict[str, Any] = {"otherwise": none_for_nan(float(values[0])), "unsafe": none_for_nan(float(values[1])),
                                   "otherwise_doubt": none_for_nan(2 * float(errors[0])),
-                                  "unsafe_doubt": none_for_nan(2 * float(errors[1]))}
+                                  "unsafe_doubt": none_for_nan(2 * float(errors[1])),
+                                  "taken": float((among & own.safe).sum() / among.sum())}
         result |= self._compare_choices(found, own)
         return result | {"same": all_hold((_within(result["otherwise"], result["otherwise_doubt"], MOST_OTHERWISE),
                                            _within(result["unsafe"], result["unsafe_doubt"], MOST_UNSAFE),

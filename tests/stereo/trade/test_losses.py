@@ -285,6 +285,7 @@ def test_the_same_images_decide_the_same_and_noise_does_not(tmp_path):
     same = measure(made[2:], reference, METHODS)["decisions"]["bm"]
     assert same["otherwise"] == same["unsafe"] == same["shift_m"] == same["otherwise_doubt"] == 0
     assert same["same"] is True
+    assert 0 < same["taken"] <= 1
     assert reference.own_decisions["bm"]["same"] is True
     noisy = workspaces.write(tmp_path / "noisy", SCENE_OF_DECISIONS, noise=0.5)
     other = measure([noisy], reference, METHODS)["decisions"]["bm"]
@@ -302,10 +303,10 @@ def test_where_nothing_can_be_decided_there_is_a_sentence(tmp_path):
     assert decision_advice([row], ["bm"], [stated]) == [reference.deciding]
 
 
-def decided(name: str, cpu_s: float, same: bool | None) -> dict[str, Any]:
+def decided(name: str, cpu_s: float, same: bool | None, taken: float = 0.1) -> dict[str, Any]:
     return {"group": "samples", "name": name, "key": name, "cpu_s": cpu_s, "cpu_range": [cpu_s, cpu_s],
             "decisions": {"bm": {"same": same, "otherwise": 0.01, "otherwise_doubt": 0.01, "unsafe": 0.0,
-                                 "unsafe_doubt": 0.0, "shift_m": 0.1, "regret": 0.0}}}
+                                 "unsafe_doubt": 0.0, "shift_m": 0.1, "regret": 0.0, "taken": taken}}}
 
 
 def test_the_advice_is_the_cheapest_variant_with_the_same_decisions():
@@ -315,6 +316,9 @@ def test_the_advice_is_the_cheapest_variant_with_the_same_decisions():
     line, = decision_advice(rows, ["bm"], [reference])
     assert "“some”, 3.0 CPU seconds a pair (3.0 times less" in line
     assert "1.0 ± 1.0 % of the cells otherwise" in line
+    assert "tells little" not in line
+    line, = decision_advice([{**decided("as described", 9.0, True, 0.0), "group": "scene"}], ["bm"], [reference])
+    assert "but bm found no safe site on the reference" in line
     alone = [rows[1], {**rows[1], "group": "scene"}]
     assert "no variant" in decision_advice(alone, ["bm"], [reference])[0]
     reference["own_decisions"]["bm"]["same"] = False
