@@ -1,4 +1,4 @@
-"""The gallery: thirteen scenes that are presets, their pictures as bright as the camera exposes them, one sheet."""
+"""The gallery: fifteen scenes that are presets, their pictures as bright as the camera exposes them, one sheet."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from icymoon.stereo.images.gallery import write_picture, write_sheet
 NAMES = preset_files.preset_names("gallery")
 
 
-def test_there_are_thirteen_of_960_by_720_each_another():
+def test_there_are_fifteen_of_960_by_720_each_another():
     described = [description.merged(description.defaults(), preset_files.load_preset(name))
                  for name in NAMES]
-    assert len({description.digest(each) for each in described}) == len(NAMES) == 13
+    assert len({description.digest(each) for each in described}) == len(NAMES) == 15
     assert {(each.rig.width_px, each.rig.height_px) for each in described} == {(960, 720)}
-    assert len({preset_files.preset_header(name)[0] for name in NAMES}) == 13
+    assert len({preset_files.preset_header(name)[0] for name in NAMES}) == 15
     for name in NAMES:  # the sheet's letters are ASCII
         assert preset_files.preset_header(name)[0].isascii()
 
