@@ -132,6 +132,7 @@ class MeshSettings(Table):
     edge_px: float  # px
     farthest_m: float  # m
     most: int  # vertices
+    seen: Literal["EVEN", "FINE"]
     crests: Literal["ROUNDED", "CUT"]
     walls: Literal["FLUTED", "BROKEN"]
 

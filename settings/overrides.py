@@ -79,6 +79,7 @@ class MeshOverrides(TypedDict, total=False):
     edge_px: float  # px
     farthest_m: float  # m
     most: int  # vertices
+    seen: Literal["EVEN", "FINE"]
     crests: Literal["ROUNDED", "CUT"]
     walls: Literal["FLUTED", "BROKEN"]
 

@@ -205,6 +205,11 @@ MESH = Topic("mesh", "Mesh", "Resolution and extent of the mesh of procedural gr
     Setting("most", "Maximum Vertices", 2000000,
             "Maximum number of vertices. If the largest error needs more, the mesh has a larger error and reports it",
             "geometry", "vertices", 1000, 100000000, (10000, 10000000)),
+    Setting("seen", "Where Seen", "EVEN", "How fine a graded mesh is where the cameras see it", "geometry",
+            choices=(("EVEN", "As Elsewhere", "One mesh for all headings. Waves of the ground shorter than two of its "
+                      "edges are missing, so that ground under a low Sun looks smoother than stated"),
+                     ("FINE", "Finer", "Triangles that the cameras see are cut into nine, and the ground has waves a "
+                      "third as long there, in images and truth. Each heading has a mesh of its own"))),
     Setting("crests", "Crests", "ROUNDED", "What a graded mesh does with crests of penitentes and ridges and rims of "
             "pits", "geometry",
             choices=(("ROUNDED", "Rounded", "Crests are as round as the mesh is coarse, and show small teeth"),

@@ -1,9 +1,12 @@
-"""Fine relief of the ground as geometry: how far from the cameras it is high enough, and how fine the mesh is there.
+"""What the cameras see of the ground as a finer mesh: for fine relief, and for the ground's own short waves.
 
 Fine relief is noise of four octaves. With ``surface.relief`` REAL, wavelengths that the vertices carry are moved
 vertices, and shorter ones are bump. What the cameras see of a graded mesh is as fine as the image wherever the relief
 is higher, in pixels, than half the largest error of the mesh: its triangles there are cut into smaller ones. A uniform
 grid, which is not made finer, carries what it can. Ground from a file keeps its vertices, and its relief is bump.
+
+With ``mesh.seen`` FINE, all that the cameras see is cut, to the horizon, and carries the ground's own waves down to the
+smaller triangles.
 """
 
 from __future__ import annotations
@@ -83,25 +86,34 @@ def nearest_m(rig: RigSettings) -> float:
 @dataclass(frozen=True)
 class FineRelief:
     """Distance from the nearer eye in metres up to which fine relief is geometry, the parts into which sides of
-    triangles are cut there, and the spacing of the vertices then in pixels."""
+    triangles are cut there, and the spacing of the vertices then in pixels. If it is ``everywhere``, triangles beyond
+    that distance are cut too, and what is cut carries shorter waves of the ground."""
 
     to_m: float
     parts: int
     spacing_px: float
+    everywhere: bool = False
 
     @property
     def uncut_px(self) -> float:
         """Largest vertex spacing in pixels before triangles are cut."""
         return self.parts * self.spacing_px
 
+    def is_cut(self, distance_m: np.ndarray) -> np.ndarray:
+        """Whether triangles at distances (n,) in metres from the nearer eye are cut if the cameras see them."""
+        return np.full(np.shape(distance_m), True) if self.everywhere else np.asarray(distance_m <= self.to_m)
+
 
 def relief_in_mesh(settings: Settings, pixels_per_radian: float) -> FineRelief | None:
     """What the graded mesh of complete ``settings`` is to have of fine relief; None for nothing."""
-    if not is_real(settings) or settings.mesh.kind != "GRADED":
+    if settings.mesh.kind != "GRADED" or settings.source.kind != "PROCEDURAL":
         return None
-    error_px = float(settings.mesh.error_px)
-    farthest = height_m(settings.surface) * pixels_per_radian / (_LEAST * error_px)
-    return FineRelief(farthest, PARTS, _SPACING * max(error_px, 1.0)) if farthest > nearest_m(settings.rig) else None
+    error_px, everywhere = float(settings.mesh.error_px), settings.mesh.seen == "FINE"
+    high = height_m(settings.surface) if is_real(settings) else 0.0
+    farthest = high * pixels_per_radian / (_LEAST * error_px)
+    if farthest <= nearest_m(settings.rig) and not everywhere:
+        return None
+    return FineRelief(farthest, PARTS, _SPACING * max(error_px, 1.0), everywhere)
 
 
 def is_seen(rig: RigSettings, east_m: np.ndarray, north_m: np.ndarray, above_m: np.ndarray) -> np.ndarray:

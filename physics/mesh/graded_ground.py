@@ -13,7 +13,7 @@ from ..terrain.landforms import Walls
 from ..terrain.terrain import Terrain
 from .broken_walls import BEFORE, break_walls, breaks_walls
 from .cut_lines import Line, cut_along
-from .fine_relief import carried_share, is_seen, nearest_m
+from .fine_relief import PARTS, carried_share, is_seen, nearest_m
 from .grading import CARRIED, Grading, grade
 from .horizon import drop_m
 from .split_triangles import split_triangles
@@ -28,8 +28,8 @@ _UNMOVED_M = 1.0e9
 class GradedMesh:
     """Positions (n, 3), triangles (m, 3) and sharp edges (k, 2) of a mesh, see ``Graded.mesh``.
 
-    If it has fine relief, ``spacing_m`` (n,) are the spacings of vertices that are to be moved by it, infinite for the
-    others, and ``fine`` (m,) is whether a triangle is as small as the image resolves.
+    If what is seen is finer, ``spacing_m`` (n,) are the spacings of vertices that fine relief may move, infinite for
+    others, and ``fine`` (m,) is whether a triangle is part of a cut one.
     """
 
     positions: np.ndarray
@@ -43,7 +43,7 @@ class GradedMesh:
 class Graded:
     """Ground on a sphere that touches the map at the site, and the grading of its mesh.
 
-    ``rig`` settings are those of the cameras that fine relief is made for; None without. If it ``breaks_walls``, the
+    ``rig`` settings are those of the cameras that see what is cut finer; None without. If it ``breaks_walls``, the
     mesh has at most ``most`` vertices.
     """
 
@@ -84,7 +84,7 @@ class Graded:
         return made.positions, made.faces, made.sharp
 
     def mesh_with_relief(self) -> GradedMesh:
-        """``mesh``, and what of it is as fine as the image for fine relief."""
+        """``mesh``, and what of it is finer because the cameras see it."""
         rings = self.grading.rings
         x, y = rings.map_positions()
         step = rings.of_vertices(self.grading.spacing_at(rings.radius_m), self.grading.finest_m)
@@ -121,12 +121,12 @@ class Graded:
         return positions
 
     def _cut_for_relief(self, whole: GradedMesh, step: np.ndarray) -> GradedMesh:
-        """The mesh with smaller triangles where fine relief is high enough and the cameras see it."""
+        """The mesh with smaller triangles where the cameras see it and fine relief is high enough, or everywhere."""
         relief, at = self.grading.relief, self.grading.view
         assert relief is not None
         assert self.rig is not None
         east, north = self._from_the_site(whole.positions)
-        near = np.flatnonzero(at.nearest_m(np.hypot(east, north)) <= relief.to_m)
+        near = np.flatnonzero(relief.is_cut(at.nearest_m(np.hypot(east, north))))
         # Vertex 0 is under the left eye.
         above = whole.positions[near, 2] - whole.positions[0, 2] - at.height_m
         seen = np.zeros(len(whole.positions), bool)
@@ -136,10 +136,12 @@ class Graded:
         inside = ~split.bordering
         inside[:len(seen)] &= np.isin(np.arange(len(seen)), split.faces[split.cut])
         finer = np.flatnonzero(inside)
-        # Fine relief stands for the ground below the spacing before the cut, whose own waves are left out.
-        positions[finer] = self._raise(_round_to_single(positions[finer, :2]), step[finer])
+        finest = step[finer] / relief.parts
+        # Else fine relief stands for the ground below the spacing before the cut, whose own waves are left out.
+        positions[finer] = self._raise(_round_to_single(positions[finer, :2]),
+                                       finest if relief.everywhere else step[finer])
         spacing = np.full(len(positions), np.inf)
-        spacing[finer] = step[finer] / relief.parts
+        spacing[finer] = finest
         return GradedMesh(positions, split.faces, whole.sharp, spacing, split.cut)
 
     def _break(self, whole: GradedMesh, walls: Walls) -> GradedMesh:
@@ -172,6 +174,11 @@ class Graded:
 
     def _relief_advice(self, settings: Settings, many: str) -> str:
         relief, at = self.grading.relief, self.grading.view
+        if settings.mesh.seen == "FINE":
+            parts = relief.parts if relief else 1
+            return (f"Ground that is finer where the cameras see it takes a mesh of {many} vertices. This one keeps to "
+                    f"mesh.most ({settings.mesh.most}), so sides of its triangles there are in {parts} parts instead "
+                    f"of {PARTS}. Raise mesh.most, or set mesh.seen to EVEN.")
         spacing_m = relief.spacing_px * nearest_m(settings.rig) / at.pixels_per_radian if relief else math.inf
         return (f"Fine relief as fine as the image takes a mesh of {many} vertices. This one keeps to mesh.most "
                 f"({settings.mesh.most}), so {carried_share(settings.surface, spacing_m):.0%} of the height of the "

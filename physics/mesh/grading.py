@@ -102,6 +102,8 @@ class Grading:
         spacing = np.exp(np.interp(np.log(distance), np.log(self.nearest_m), np.log(self.spacing_m)))
         if self.relief is None:
             return spacing
+        if self.relief.to_m <= self.view.height_m:  # fine relief is nowhere high enough to ask for it
+            return spacing
         beyond = np.maximum(distance / self.relief.to_m, 1.0)
         widest = self.relief.uncut_px / self.view.pixels_per_radian * distance * beyond**_FADE
         return np.minimum(spacing, widest)
@@ -140,7 +142,7 @@ def _count_cut(grading: Grading, rig: RigSettings, most: int) -> int:
         return 0
     rings = grading.rings
     x, y = rings.map_positions()
-    near = at.nearest_m(np.hypot(x, y)) <= relief.to_m
+    near = relief.is_cut(at.nearest_m(np.hypot(x, y)))
     return (relief.parts**2 - 1) * int(np.sum(is_seen(rig, x[near], y[near], np.full(int(near.sum()), -at.height_m))))
 
 

@@ -87,6 +87,67 @@ def test_a_camera_that_turns_needs_another_mesh_only_for_real_relief():
         assert (changes.scene(one) != changes.scene(other)) == differs
 
 
+FINE = {"mesh": {"seen": "FINE"}}
+
+
+def _middles(settings, made):
+    """Middles (m, 3) of triangles, and which of them the cameras see from 1 m to 50 m away."""
+    middles = made.positions[made.faces].mean(axis=1)
+    east, north = middles[:, 0], middles[:, 1]
+    away = np.hypot(east, north)
+    above = middles[:, 2] - made.positions[0, 2] - settings.rig.height_m
+    return middles, (away > 1.0) & (away < 50.0) & fine_relief.is_seen(settings.rig, east, north, above)
+
+
+def _off_the_ground(settings):
+    """RMS distance in pixels of the middles of triangles that are seen from the ground with all its waves."""
+    ground, at = meshed(settings), view_of(settings.rig)
+    middles, seen = _middles(settings, ground.mesh_with_relief())
+    x, y, z = middles[seen].T
+    return np.sqrt(np.mean(((z - ground.heights(x, y)) * at.pixels_per_radian / at.nearest_m(np.hypot(x, y))) ** 2))
+
+
+@pytest.mark.parametrize("relief", ["REAL", "BUMP"])
+def test_ground_that_is_seen_finer_is_nearer_to_what_is_stated(relief):
+    """Triangles a third as wide leave out waves a third as long. Heights of waves go as their lengths to the power of
+    the Hurst exponent, 0.8, so the mesh is 3^0.8 = 2.4 times as near; of few hills, 1.8 at least."""
+    even, fine = (described({"surface": {"relief": relief}}, change) for change in ({}, FINE))
+    assert _off_the_ground(even) > 1.8 * _off_the_ground(fine)
+
+
+def test_finer_ground_ends_where_the_cameras_see_nothing():
+    """Behind the camera the mesh is the same, and what is cut is surrounded by what is not, so that no crack opens."""
+    fine = described({"surface": {"relief": "BUMP"}}, FINE)
+    made, plain = meshed(fine).mesh_with_relief(), meshed(fine | {"mesh": fine.mesh | {"seen": "EVEN"}}).mesh()
+    whole = made.faces[~made.fine]
+    behind = plain[0][plain[1]][..., 1].max(axis=1) < -1.0
+    assert behind.any()
+    np.testing.assert_array_equal(made.positions[whole][made.positions[whole][..., 1].max(axis=1) < -1.0],
+                                  plain[0][plain[1]][behind])
+    assert not np.isfinite(made.spacing_m[np.unique(whole)]).any()
+    assert _middles(fine, made)[1][:len(whole)].mean() < 0.01  # nothing that is seen is left whole
+
+
+def test_a_camera_that_turns_needs_another_mesh_where_it_is_finer():
+    def scene(*changed):
+        return changes.scene(described({"surface": {"relief": "BUMP"}}, *changed))
+
+    turned = {"rig": {"heading_deg": 30.0}}
+    assert scene(turned) == scene()
+    assert scene(FINE, turned) != scene(FINE) != scene()
+
+
+def test_a_mesh_may_be_too_large_to_be_finer_and_says_so():
+    bare = {"surface": {"grain_amplitude_m": 0.0}}
+    enough = meshed(described(bare, FINE)).mesh_with_relief()
+    settings = described(bare, FINE, {"mesh": {"most": int(0.7 * len(enough.positions))}})
+    ground = meshed(settings)
+    assert len(ground.mesh()[0]) <= settings.mesh.most
+    (sentence,) = ground.advice(settings)
+    assert "mesh.most" in sentence
+    assert "mesh.seen" in sentence
+
+
 def test_points_are_seen_from_the_place_that_the_image_shows():
     rig = described({"rig": {"pitch_deg": 0.0, "heading_deg": 90.0}}).rig
     half = rig.sensor_width_mm / rig.focal_length_mm / 2
