@@ -3,7 +3,8 @@
     python benchmarks/contact_sheet.py [SHEET.png] [PRESET ...]
 
 Each preset is built and rendered as by a worker, under a Sun at 25 degrees, and shown at the exposure
-that the evaluator would choose. Without arguments it writes docs/images/terrains.png.
+that the evaluator would choose. Without arguments it writes docs/images/terrains.png. With PRESETs the other cells of
+a SHEET that exists stay.
 """
 
 from __future__ import annotations
@@ -26,11 +27,12 @@ from icymoon.stereo.images.exr import read_view
 from icymoon.typed_settings import Parts
 
 SHEET = Path(__file__).resolve().parents[1] / "docs" / "images" / "terrains.png"
+WIDTH_PX, HEIGHT_PX, COLUMNS, LABEL_PX = 320, 200, 4, 18
 #: From the edge of the patch over all of it.
-VIEW: Parts = {"rig": {"width_px": 320, "height_px": 200, "y_m": -9.0, "height_m": 2.6, "pitch_deg": 20.0},
-        "terrain": {"resolution": 641}, "quality": {"samples": 8, "denoiser": "OIDN"},
+VIEW: Parts = {"rig": {"width_px": WIDTH_PX, "height_px": HEIGHT_PX, "y_m": -9.0, "height_m": 2.6, "pitch_deg": 20.0},
+        "terrain": {"resolution": 641}, "mesh": {"seen": "FINE"},
+        "quality": {"samples": 8, "denoiser": "OIDN", "truth": "DEPTH"},
         "light": {"sun_elevation_deg": 25.0, "sun_azimuth_deg": 300.0}}
-COLUMNS, LABEL_PX = 4, 18
 
 
 def picture(preset: str, folder: Path) -> np.ndarray:
@@ -57,17 +59,20 @@ def main(arguments: list[str]) -> None:
     """Render and write the sheet."""
     icymoon.register()
     sheet = Path(arguments[0]) if arguments else SHEET
-    presets = arguments[1:] or preset_files.preset_names("terrains")
+    every = preset_files.preset_names("terrains")
+    shown = cv2.imread(str(sheet), cv2.IMREAD_GRAYSCALE)
+    high = HEIGHT_PX + LABEL_PX
+    shape = (-(-len(every) // COLUMNS) * high, COLUMNS * WIDTH_PX)
+    if shown is None or shown.shape != shape or not arguments[1:]:
+        shown = np.zeros(shape, np.uint8)
     with tempfile.TemporaryDirectory() as folder:
-        images = []
-        for preset in presets:
-            images.append(picture(preset, Path(folder)))
+        for preset in arguments[1:] or every:
+            row, column = divmod(every.index(preset), COLUMNS)
+            left, top = column * WIDTH_PX, row * high
+            shown[top:top + high, left:left + WIDTH_PX] = picture(preset, Path(folder))
             print(preset, flush=True)
-    images += [np.zeros_like(images[0])] * (-len(images) % min(COLUMNS, len(images)))
-    columns = min(COLUMNS, len(images))
-    rows = [np.hstack(images[k:k + columns]) for k in range(0, len(images), columns)]
     sheet.parent.mkdir(parents=True, exist_ok=True)
-    cv2.imwrite(str(sheet), np.vstack(rows), [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    cv2.imwrite(str(sheet), shown, [cv2.IMWRITE_PNG_COMPRESSION, 9])
     print(sheet)
 
 
