@@ -6,8 +6,10 @@ SKY_DEPTH_M = 1.0e10  # what Cycles writes where a ray hits nothing
 UV_LAYER = "UVMap"  # of the ground, where it has texture coordinates
 NORMAL_AOV = "GeometricNormal"  # value pass: the facet's normal, without bump or smooth shading
 ALBEDO_AOV = "Albedo"  # value pass of maps of the ground only
-BAKED_AOV = "Baked"  # value pass: radiance of the ground by light that was baked to it, in an image of direct light
-BAKED_ATTRIBUTE = "icymoon_baked_light"  # of the ground's vertices: its indirect irradiance over pi, in three bands
+#: Value passes of an image of direct light, by light group: radiance of the ground by light that was baked to it.
+BAKED_AOVS = {"Sun": "Baked", "Planet": "BakedPlanet"}
+#: Of the ground's vertices, by light group: their indirect irradiance over pi, in three bands.
+BAKED_ATTRIBUTES = {"Sun": "icymoon_baked_light", "Planet": "icymoon_baked_light_planet"}
 
 #: Light groups of the Beauty layer, each a pass ``Combined_<group>``, and the setting that weighs it.
 LIGHT_GROUPS = {"Sun": "sun_scale", "Planet": "planet_scale"}

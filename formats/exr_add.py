@@ -5,13 +5,15 @@ Only the passes whose light changes are decoded; other parts stay as they are.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
-from ..labels import BAKED_AOV, BEAUTY
+from ..labels import BAKED_AOVS, BEAUTY
 from .exr_parts import assemble, read_pieces, strip_passing
 from .exr_pixels import Pixels
 
-_IMAGE, _PLANET, _BAKED = (f"{BEAUTY}.{name}" for name in ("Combined", "Combined_Planet", BAKED_AOV))
+_IMAGE, _PLANET = f"{BEAUTY}.Combined", f"{BEAUTY}.Combined_Planet"
 
 
 def _find_bands(parts: list[Pixels], wanted: str) -> dict[str, tuple[int, int]]:
@@ -33,32 +35,39 @@ def add_planet(image: bytes, planet: bytes) -> bytes:
 
     Raises ValueError, IndexError, KeyError, struct.error or zlib.error for what cannot be added.
     """
-    return _add(image, _read_bands(planet, _PLANET), (_IMAGE, _PLANET))[0]
+    light = _read_bands(planet, _PLANET)
+    return _add(image, {_IMAGE: light, _PLANET: light})[0]
 
 
-def add_baked(image: bytes) -> tuple[bytes, float]:
-    """An EXR file with its pass of baked light added to its image, and the share of baked light in all light.
+def add_baked(image: bytes) -> tuple[bytes, dict[str, float]]:
+    """An EXR file with its passes of baked light added to its image and to their light groups, where it has any, and
+    the share of each in all light of the image, by light group.
 
     Raises as ``add_planet`` does.
     """
-    light = _read_bands(image, _BAKED)
-    added, total = _add(image, light, (_IMAGE,))
-    baked = sum(float(values.sum(dtype=np.float64)) for values in light.values())
-    return added, baked / total if total > 0 else 0.0
+    parts = [Pixels(piece) for piece in read_pieces(image)]
+    there = [group for group, name in BAKED_AOVS.items() if _find_bands(parts, f"{BEAUTY}.{name}")]
+    light = {group: _read_bands(image, f"{BEAUTY}.{BAKED_AOVS[group]}") for group in there or BAKED_AOVS}
+    added = {f"{BEAUTY}.Combined_{group}": bands for group, bands in light.items()
+             if _find_bands(parts, f"{BEAUTY}.Combined_{group}")}
+    whole = {band: np.sum([bands[band] for bands in light.values()], axis=0, dtype=np.float32) for band in "RGB"}
+    image, total = _add(image, {_IMAGE: whole, **added})
+    return image, {group: sum(float(values.sum(dtype=np.float64)) for values in bands.values()) / total
+                   if total > 0 else 0.0 for group, bands in light.items()}
 
 
-def _add(image: bytes, light: dict[str, np.ndarray], passes: tuple[str, ...]) -> tuple[bytes, float]:
-    """A file with ``light`` (each band as decoded) added to passes, and the sum of the first of them then."""
+def _add(image: bytes, light: Mapping[str, Mapping[str, np.ndarray]]) -> tuple[bytes, float]:
+    """A file with ``light`` by pass, each band as decoded, added, and the sum of the image then."""
     made = [strip_passing(piece, BEAUTY) for piece in read_pieces(image)]
     parts = [Pixels(piece) for piece in made]
     values: dict[int, np.ndarray] = {}
     total = 0.0
-    for wanted in passes:
+    for wanted, bands in light.items():
         found = _find_bands(parts, wanted)
         for band in "RGB":
             number, k = found[band]
             if number not in values:
                 values[number] = parts[number].decode()
-            values[number][:, k] += light[band]
-            total += float(values[number][:, k].sum(dtype=np.float64)) if wanted == passes[0] else 0.0
+            values[number][:, k] += bands[band]
+            total += float(values[number][:, k].sum(dtype=np.float64)) if wanted == _IMAGE else 0.0
     return assemble([parts[k].encode(values[k]) if k in values else piece for k, piece in enumerate(made)]), total

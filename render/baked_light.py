@@ -1,19 +1,20 @@
-"""Indirect light baked to the vertices of the ground, once for all images of a ground under one Sun.
+"""Indirect light baked to the vertices of the ground, once for all images of a ground under one sky.
 
 Light that Lambert ground gets from other ground does not depend on where it is seen from. Cycles bakes it to texels
 within the facets, from which the vertices get theirs (``baked_texels``), and images then take direct light only: fewer
 samples, and no denoiser. While it bakes, ground is smooth between its vertices, since a sample would meet one point of
-the relief.
+the relief. Light of the Sun and of the planet is baked apart, since both have a light group of their own.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ import numpy as np
 from .. import compat
 from ..errors import IcyMoonError
 from ..files import sha256
-from ..labels import BAKED_ATTRIBUTE
+from ..labels import BAKED_ATTRIBUTES
 from ..nodes.datablocks.fingerprint import added_objects
 from ..nodes.scene import Built
 from ..number_text import show_rounded
@@ -45,29 +46,43 @@ _FIRST = 8
 #: Samples of the direct light, of which only the mean over the ground is needed.
 _DIRECT = 2
 _WAIT_S = 0.5
+#: What tells bakes of a light group from those of the Sun, in their names and seeds.
+_OTHERS: dict[str, tuple[int, ...]] = {"Sun": (), "Planet": (1,)}
+
+
+@dataclass(frozen=True)
+class KeptLight:
+    """Baked light and the file of the data set that it is kept in."""
+
+    light: BakedLight
+    file: str
+    sha256: str
+
+    def to_json(self, share: float) -> dict[str, Any]:
+        """What ``pair.json`` states of it, with its share of the light in the images."""
+        return {"file": self.file, "sha256": self.sha256, "samples": self.light.samples, "share": round(share, 5),
+                "noise_of_baked": round(self.light.noise, 5), "noise": round(self.light.noise * share, 5),
+                "cpu_seconds_of_bake": round(self.light.cpu_seconds, 3)}
 
 
 @dataclass(frozen=True)
 class Indirect:
-    """How the indirect light of a pair is made: baked ``light`` in a ``file`` of the data set, or traced if there is
-    none, and why if the settings ask for baked light. ``spent_s`` are processor seconds that it took just now."""
+    """How the indirect light of a pair is made: baked ``lights`` by light group, or traced if there are none, and why
+    if the settings ask for baked light. ``spent_s`` are processor seconds that it took just now."""
 
-    light: BakedLight | None = None
-    file: str = ""
-    sha256: str = ""
+    lights: Mapping[str, KeptLight] = field(default_factory=dict)
     why_traced: str = ""
     spent_s: float = 0.0
 
-    def to_json(self, shares: dict[str, float]) -> dict[str, Any] | None:
-        """What ``pair.json`` states, with the share of baked light in the images by eye; None if nothing was asked."""
-        if self.light is None:
+    def to_json(self, shares: Mapping[str, Mapping[str, float]]) -> dict[str, Any] | None:
+        """What ``pair.json`` states, with the shares of baked light in the images by eye and light group; None if
+        nothing was asked."""
+        if not self.lights:
             return {"method": "TRACED", "why": self.why_traced} if self.why_traced else None
-        share = sum(shares.values()) / max(len(shares), 1)
-        noise = self.light.noise
-        return {"method": "BAKED", "file": self.file, "sha256": self.sha256, "samples": self.light.samples,
-                "share": round(share, 5), "noise_of_baked": round(noise, 5), "noise": round(noise * share, 5),
-                "cpu_seconds_of_bake": round(self.light.cpu_seconds, 3)}
-
+        share = {group: sum(of[group] for of in shares.values()) / max(len(shares), 1) for group in self.lights}
+        noise = math.hypot(*(share[group] * kept.light.noise for group, kept in self.lights.items()))
+        return {"method": "BAKED", "share": round(sum(share.values()), 5), "noise": round(noise, 5),
+                "lights": {group: kept.to_json(share[group]) for group, kept in self.lights.items()}}
 
     def why_too_noisy(self, stated: dict[str, Any] | None, limit: float) -> str:
         """Why an image must be traced after all, as a clause, by what ``to_json`` states of it; empty if it need not.
@@ -75,7 +90,7 @@ class Indirect:
         The noise of baked light is fixed to the ground and passes for texture, so where much light is indirect it would
         make matching easier than it is. No ``limit`` is 0.
         """
-        if self.light is None or stated is None or not 0 < limit < stated["noise"]:
+        if not self.lights or stated is None or not 0 < limit < stated["noise"]:
             return ""
         return (f"baked light would have noise of {show_rounded(100 * stated['noise'])} % of the light, because "
                 f"{show_rounded(100 * stated['share'])} % of it is indirect, which is above quality.bake_noise; raise "
@@ -91,23 +106,46 @@ def provide(built: Built, scene: bpy.types.Scene, settings: Settings, dataset: P
         return Indirect()
     if why := why_not_baked(settings) or _why_unsuitable(built):
         return Indirect(why_traced=why)
-    mesh = built.terrain.data
-    key = key_of(built, settings)
+    lights, spent, mesh = {}, 0.0, built.terrain.data
+    shining = _lights(built)
+    for group in BAKED_ATTRIBUTES.keys() - shining.keys():
+        _show(mesh, group, np.zeros((len(mesh.vertices), 3), np.float32))
+    for group, dark in shining.items():
+        path, found, seconds = _find_or_bake(built, scene, settings, dataset, claims, group, dark)
+        _show(mesh, group, found.values)
+        lights[group] = KeptLight(found, path.relative_to(dataset).as_posix(), sha256(path))
+        spent += seconds
+    return Indirect(lights, spent_s=spent)
+
+
+def _lights(built: Built) -> dict[str, list[bpy.types.Object]]:
+    """The light groups that light the ground, each with the lamps of the other one."""
+    shine = built.planetshine
+    if shine is None:
+        return {"Sun": []}
+    by_day = {"Sun": [shine]} if built.sun.data.energy > 0 else {}
+    return {**by_day, "Planet": [built.sun]}
+
+
+def _find_or_bake(built: Built, scene: bpy.types.Scene, settings: Settings, dataset: Path, claims: Claims, group: str,
+                  dark: list[bpy.types.Object]) -> tuple[Path, BakedLight, float]:
+    """The file of a light group's baked light, what it contains, and processor seconds that it took just now."""
+    vertices = len(built.terrain.data.vertices)
+    key = key_of(built, settings, group)
     path = baked_file.path_of(dataset, key)
-    found, spent = baked_file.read(path, key, len(mesh.vertices)), 0.0
+    found, spent = baked_file.read(path, key, vertices), 0.0
     while found is None:
         with claims.hold(key) as mine:
             # It may have been written meanwhile.
-            found = baked_file.read(path, key, len(mesh.vertices))
+            found = baked_file.read(path, key, vertices)
             if mine and found is None:
-                found = bake(built.terrain, scene, settings)
+                found = bake(built.terrain, scene, settings, group, dark)
                 spent = found.cpu_seconds
                 baked_file.write(path, key, found)
         if found is None:
             claims.report_progress()
             time.sleep(_WAIT_S)
-    _show(mesh, found.values)
-    return Indirect(found, path.relative_to(dataset).as_posix(), sha256(path), spent_s=spent)
+    return path, found, spent
 
 
 def _why_unsuitable(built: Built) -> str:
@@ -123,19 +161,21 @@ def _why_unsuitable(built: Built) -> str:
     return f"facets of the ground have more than {most} corners" if totals.max(initial=0) > most else ""
 
 
-def key_of(built: Built, settings: Settings) -> str:
-    """What baked light depends on, as 12 hexadecimal digits: ground, surface, lights, bounces, seed and samples.
+def key_of(built: Built, settings: Settings, group: str = "Sun") -> str:
+    """What baked light depends on, as 12 hexadecimal digits: ground, surface, lights, bounces, seed and samples, and
+    the light group.
 
     The mesh of a graded ground is made for the rig; otherwise neither heading, rig nor sensor count.
     """
     quality = settings.quality
     parts = [_SCHEME, compat.blender_series(), changes.scene(settings), changes.look(settings), changes.light(settings),
-             quality.diffuse_bounces, quality.bake_samples, quality.bake_noise, built.extra]
+             quality.diffuse_bounces, quality.bake_samples, quality.bake_noise, built.extra, *_OTHERS[group]]
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:12]
 
 
-def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings) -> BakedLight:
-    """Bake the indirect light of a ground, see ``BakedLight``.
+def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, group: str = "Sun",
+         dark: Sequence[bpy.types.Object] = ()) -> BakedLight:
+    """Bake the indirect light of a ground by a light group, while the lamps of others are ``dark``, see ``BakedLight``.
 
     In two halves of other seeds, whose difference is the noise: first with few samples, then with as many more as the
     noise allows. Raises IcyMoonError if Cycles cannot bake.
@@ -143,9 +183,9 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings) 
     start = time.process_time()
     quality = settings.quality
     kept = scene.render.use_persistent_data, scene.render.use_multiview
-    seeds = stream(int(settings.dataset.seed), "bake").generate_state(5) >> 1
+    seeds = stream(int(settings.dataset.seed), "bake", *_OTHERS[group]).generate_state(5) >> 1
     triangles = _triangles(terrain.data)
-    with _open_bake(terrain, scene, settings) as run:
+    with _hidden(dark), _open_bake(terrain, scene, settings) as run:
         direct = run("DIRECT", _DIRECT, int(seeds[4])).mean(dtype=np.float64)
         count = min(_FIRST, quality.bake_samples // 2)
         halves = [run("INDIRECT", count, int(seed)) for seed in seeds[:2]]
@@ -161,6 +201,19 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings) 
     total = mean + float(direct)
     return BakedLight(values, noise_of(halves, triangles), mean / total if total > 0 else 0.0, 2 * count,
                       time.process_time() - start)
+
+
+@contextmanager
+def _hidden(lamps: Sequence[bpy.types.Object]) -> Iterator[None]:
+    """Lamps give no light for a while."""
+    before = [lamp.hide_render for lamp in lamps]
+    for lamp in lamps:
+        lamp.hide_render = True
+    try:
+        yield
+    finally:
+        for lamp, hidden in zip(lamps, before, strict=True):
+            lamp.hide_render = hidden
 
 
 @contextmanager
@@ -208,7 +261,7 @@ def _triangles(mesh: bpy.types.Mesh) -> np.ndarray:
 
 def _add_target(mesh: bpy.types.Mesh, found: baked_texels.Texels, undo: ExitStack) -> bpy.types.Image:
     """An image with the texels of a mesh, whose places are its active texture coordinates until ``undo``."""
-    name, before = f"{BAKED_ATTRIBUTE}_target", mesh.uv_layers.active_index
+    name, before = f"{BAKED_ATTRIBUTES['Sun']}_target", mesh.uv_layers.active_index
     undo.callback(setattr, mesh.uv_layers, "active_index", before)
     mesh.uv_layers.new(name=name, do_init=False)
     undo.callback(lambda: mesh.uv_layers.remove(mesh.uv_layers[name]))
@@ -254,11 +307,15 @@ def _run_bake(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, terrain: bpy.t
         raise IcyMoonError("Cycles could not bake the light of the ground; set quality.indirect to TRACED.")
 
 
-def _show(mesh: bpy.types.Mesh, values: np.ndarray) -> None:
-    """Let a mesh carry baked light (n, 3), unless it does; a change makes Cycles build its tree again."""
-    there = mesh.attributes.get(BAKED_ATTRIBUTE)
+def _show(mesh: bpy.types.Mesh, group: str, values: np.ndarray) -> None:
+    """Let a mesh carry baked light (n, 3) of a light group, unless it does; a change makes Cycles build its tree
+    again."""
+    name = BAKED_ATTRIBUTES[group]
+    there = mesh.attributes.get(name)
+    if there is None and not values.any():
+        return
     if there is None:
-        there = mesh.attributes.new(BAKED_ATTRIBUTE, "FLOAT_VECTOR", "POINT")
+        there = mesh.attributes.new(name, "FLOAT_VECTOR", "POINT")
     now = np.empty(values.size, np.float32)
     there.data.foreach_get("vector", now)
     if not np.array_equal(now.reshape(-1, 3), values):

@@ -204,13 +204,13 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     settings = planned.settings
     camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
     takes = _camera_setups(camera, blur, _is_full(planned))
-    quality = direct_quality(settings.quality) if indirect.light is not None else settings.quality
+    quality = direct_quality(settings.quality) if indirect.lights else settings.quality
     files: dict[str, dict[str, Path]] = {}
-    shares: dict[str, float] = {}
+    shares: dict[str, dict[str, float]] = {}
     start = time.perf_counter()
     with _turn_camera(built.camera, planned.turn_deg), _turn_head(built, planned.turn_deg):
         cycles_settings.apply(scene, quality, planned.render_seed, blur is not None, clear_rocks(settings))
-        if indirect.light is not None:
+        if indirect.lights:
             scene.cycles.max_bounces = 0
         prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
         lights = separate_lights.light_passes(scene, built)
@@ -229,7 +229,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                                 _render_radiance(scene, built, lights, stem, planned))
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
-                            if layer == BEAUTY and indirect.light is not None:
+                            if layer == BEAUTY and indirect.lights:
                                 shares[eye] = _add_baked_light(file, planned)
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         toward_sun = np.array(built.sun.matrix_world.to_3x3().col[2])
@@ -273,12 +273,12 @@ def _render_radiance(scene: bpy.types.Scene, built: Built, lights: list[separate
     return files
 
 
-def _add_baked_light(file: Path, planned: PlannedPair) -> float:
-    """Add baked light to an image of direct light; its share of the light in the image."""
+def _add_baked_light(file: Path, planned: PlannedPair) -> dict[str, float]:
+    """Add baked light to an image of direct light; its shares of the light in the image, by light group."""
     with explain_disk_errors("write", file), _report_unreadable(planned):
-        added, share = add_baked(file.read_bytes())
+        added, shares = add_baked(file.read_bytes())
         file.write_bytes(added)
-    return share
+    return shares
 
 
 def _render_truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair, camera: StereoCamera,

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...labels import BAKED_ATTRIBUTE
+from ...labels import BAKED_ATTRIBUTES
 
 _BLOCK, _HALF = 4096, np.uint64(32)
 #: How attributes of each type are read: type of the array, name of the property, numbers for each element.
@@ -23,7 +23,8 @@ _READ: dict[str, tuple[Any, str, int]] = {
 PAINTED = "icymoon_depth_error"
 #: Attributes that are not marked: errors that are shown, baked light, which follows from all else, what is selected or
 #: hidden in Edit Mode, and the edges of corners, which follow from the vertices of edges and corners.
-_LEFT_OUT = (PAINTED, BAKED_ATTRIBUTE, ".select", ".hide", ".uv_select", ".pin", ".vs.", ".es.", ".pn.", ".corner_edge")
+_LEFT_OUT = (PAINTED, *BAKED_ATTRIBUTES.values(), ".select", ".hide", ".uv_select", ".pin", ".vs.", ".es.", ".pn.",
+             ".corner_edge")
 _INDICES = (".corner_vert", ".edge_verts")
 
 
@@ -88,6 +89,6 @@ def mesh_arrays(mesh: bpy.types.Mesh) -> list[Any]:
     sizes = [len(mesh.vertices), len(mesh.edges), len(mesh.loops), len(mesh.polygons)]
     colour = mesh.attributes.default_color_name or ""
     # 5.2 keeps the name of one that was removed.
-    if colour.startswith((PAINTED, BAKED_ATTRIBUTE)) or colour not in mesh.attributes:
+    if colour.startswith((PAINTED, *BAKED_ATTRIBUTES.values())) or colour not in mesh.attributes:
         colour = ""
     return [sizes, attributes(mesh), normals, shown_uv, colour]

@@ -10,10 +10,10 @@ from typing import Any
 import bpy
 
 from ... import compat
-from ...labels import BAKED_AOV, BAKED_ATTRIBUTE, NORMAL_AOV, ROCK, TERRAIN
+from ...labels import BAKED_AOVS, BAKED_ATTRIBUTES, NORMAL_AOV, ROCK, TERRAIN
 from ...physics.random_numbers.seeds import generator
 from ...physics.rig.focal_length import focal_px
-from ...physics.scene_requirements import can_be_baked, only_camera_meets_relief
+from ...physics.scene_requirements import only_camera_meets_relief, shows_baked_light
 from ...physics.surfaces import principled
 from ...physics.surfaces.fractures import has_fractures
 from ...physics.surfaces.hapke import from_settings
@@ -239,16 +239,20 @@ def _add_law(material: bpy.types.Material, surface: SurfaceSettings, settings: S
             "EEVEE": reflectance_laws.add_hapke_of_nodes(ground, grains, sun)}
 
 
-def _add_baked_pass(tree: Tree, reflectance: Any) -> None:
-    """Add the pass ``BAKED_AOV``: the radiance by the light that is baked to the ground.
+def _add_baked_passes(tree: Tree, reflectance: Any) -> None:
+    """Add the passes ``BAKED_AOVS``: the radiance by the light that is baked to the ground, by light group.
 
-    It is a pass and no emission, since a ground that gives light lights itself: images would be 5 to 13 % too bright.
+    They are passes and no emission, since a ground that gives light lights itself: images would be 5 to 13 % too
+    bright.
     """
-    baked = tree.node("ShaderNodeAttribute", "Baked Light", attribute_type="GEOMETRY", attribute_name=BAKED_ATTRIBUTE)
     level = (reflectance,) * 3 if isinstance(reflectance, float) else reflectance
-    seen = tree.node("ShaderNodeVectorMath", "Reflected Baked Light", {
-        "Vector": baked.outputs["Vector"], "Vector_001": level}, operation="MULTIPLY").outputs[0]
-    tree.node("ShaderNodeOutputAOV", "Baked", {"Color": seen, "Value": 0.0}, aov_name=BAKED_AOV)
+    for group, attribute in BAKED_ATTRIBUTES.items():
+        baked = tree.node("ShaderNodeAttribute", f"Baked Light of {group}", attribute_type="GEOMETRY",
+                          attribute_name=attribute)
+        seen = tree.node("ShaderNodeVectorMath", f"Reflected Baked Light of {group}", {
+            "Vector": baked.outputs["Vector"], "Vector_001": level}, operation="MULTIPLY").outputs[0]
+        tree.node("ShaderNodeOutputAOV", f"Baked Pass of {group}", {"Color": seen, "Value": 0.0},
+                  aov_name=BAKED_AOVS[group])
 
 
 def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int,
@@ -354,7 +358,7 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
         frosted = (ice_layers.add_frost_share(tree, surface, geometry, frost_at)
                    if surface.model == "PRINCIPLED" and surface.frost_share > 0.0 else None)
         add_albedo_pass(tree, surface, settings, grey, reflectance, least, frosted)
-    if settings is not None and semantic == TERRAIN and can_be_baked(settings):
-        _add_baked_pass(tree, _add_reflectance(tree, surface, grey, colour))
+    if settings is not None and semantic == TERRAIN and shows_baked_light(settings):
+        _add_baked_passes(tree, _add_reflectance(tree, surface, grey, colour))
     tree.arrange()
     return material

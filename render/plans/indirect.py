@@ -59,8 +59,10 @@ def break_even(settings: Settings) -> int:
 
 
 def bake_seconds(settings: Settings) -> float:
-    """Processor seconds of baking the light of a made-up ground, if it takes all its samples."""
-    return _START_S + _S_PER_MPATH * settings.quality.bake_samples * _count_corners(settings) / 1e6
+    """Processor seconds of baking the light of a made-up ground, that of the planet too, if it takes all its
+    samples."""
+    once = _START_S + _S_PER_MPATH * settings.quality.bake_samples * _count_corners(settings) / 1e6
+    return once * (1 + settings.light.planet)
 
 
 def _count_corners(settings: Settings) -> float:

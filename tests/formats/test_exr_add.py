@@ -125,8 +125,8 @@ def test_baked_light_is_added_to_the_image_and_its_share_is_known(tmp_path, seve
     direct, baked, other = ((random.random((20, 31, 3)) * scale).astype(np.float32) for scale in (10.0, 3.0, 1.0))
     write(tmp_path / "view.exr", {"Beauty.Combined": direct, "Beauty.Baked": baked, "Beauty.Depth": other}, several,
           OpenEXR.ZIP_COMPRESSION)
-    added, share = add_baked((tmp_path / "view.exr").read_bytes())
-    assert share == pytest.approx(baked.sum() / (direct + baked).sum(), rel=1e-6)
+    added, shares = add_baked((tmp_path / "view.exr").read_bytes())
+    assert shares == {"Sun": pytest.approx(baked.sum() / (direct + baked).sum(), rel=1e-6)}
     (tmp_path / "view.exr").write_bytes(join_files({"Beauty": added}, partial(drop_passes, unwanted={"Beauty.Baked"})))
     found = read(tmp_path / "view.exr")
     for k, band in enumerate("RGB"):
@@ -135,3 +135,22 @@ def test_baked_light_is_added_to_the_image_and_its_share_is_known(tmp_path, seve
     assert not any("Baked" in name for name in found)
     with pytest.raises(KeyError):
         add_baked((tmp_path / "view.exr").read_bytes())
+
+
+@pytest.mark.parametrize("several", [True, False])
+def test_baked_light_of_sun_and_planet_is_added_to_the_light_groups_too(tmp_path, several):
+    random = np.random.default_rng(4)
+    sun, planet, by_sun, by_planet = ((random.random((20, 31, 3)) * scale).astype(np.float32)
+                                      for scale in (10.0, 0.1, 2.0, 0.02))
+    write(tmp_path / "view.exr", {
+        "Beauty.Combined": sun + planet, "Beauty.Combined_Sun": sun, "Beauty.Combined_Planet": planet,
+        "Beauty.Baked": by_sun, "Beauty.BakedPlanet": by_planet}, several, OpenEXR.ZIP_COMPRESSION)
+    added, shares = add_baked((tmp_path / "view.exr").read_bytes())
+    total = sun.sum() + planet.sum() + by_sun.sum() + by_planet.sum()
+    assert shares == {"Sun": pytest.approx(by_sun.sum() / total, rel=1e-5),
+                      "Planet": pytest.approx(by_planet.sum() / total, rel=1e-5)}
+    (tmp_path / "view.exr").write_bytes(join_files({"Beauty": added}))
+    light = read_light(tmp_path / "view.exr")
+    assert np.array_equal(light.groups["Sun"], sun + by_sun)
+    assert np.array_equal(light.groups["Planet"], planet + by_planet)
+    assert np.allclose(light.groups["Sun"] + light.groups["Planet"], light.radiance, rtol=1e-6)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from icymoon.physics.scene_requirements import is_baked, why_not_baked
-from icymoon.render.plans.indirect import break_even, choose_indirect
+from icymoon.render.plans.indirect import bake_seconds, break_even, choose_indirect
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.typed_settings import Settings
@@ -52,9 +52,15 @@ def test_what_is_not_automatic_stays():
         assert headings(described({"quality": {"indirect": choice}}), 3) == [choice] * 3
 
 
+def test_light_of_a_planet_is_baked_too_and_takes_as_long_as_that_of_the_sun():
+    with_planet = described({"light": {"planet": True, "stars": True}, "quality": {"indirect": "BAKED"}})
+    assert is_baked(with_planet)
+    assert bake_seconds(with_planet) == pytest.approx(2 * bake_seconds(described()))
+
+
 @pytest.mark.parametrize("part", [
     {"surface": {"model": "PRINCIPLED"}}, {"surface": {"model": "HAPKE"}}, {"rocks": {"coverage": 0.1}},
-    {"light": {"planet": True}}, {"light": {"stars": True}}])
+    {"lander": {"kind": "PARAMETRIC"}}])
 def test_what_cannot_be_baked_is_traced_and_told(part):
     settings = described(part, {"quality": {"indirect": "BAKED"}})
     assert why_not_baked(settings)
