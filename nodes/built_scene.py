@@ -133,6 +133,11 @@ class Built:
         return next((item for item in self.collection.all_objects if item.get(TAG) == "planetshine"), None)
 
     @property
+    def rocks(self) -> bpy.types.Object | None:
+        """The object whose points are the rocks, if there are any."""
+        return next((item for item in self.collection.all_objects if item.get(TAG) == "rock"), None)
+
+    @property
     def rock_count(self) -> int:
         """Number of rocks."""
         return sum(len(item.data.vertices) for item in self.collection.all_objects if item.get(TAG) == "rock")

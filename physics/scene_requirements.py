@@ -71,21 +71,16 @@ def relief_of_camera_alone(settings: Settings, topic: str) -> bool:
 def why_not_baked(settings: Settings) -> str:
     """Why indirect light cannot be baked to the ground, as a clause; empty if it can.
 
-    Baked light is that of a diffuse surface, which looks the same from everywhere, and of vertices, which the instances
-    of a rock share. Planet, rings and stars as they are seen give no light, only the planet's lamp does.
+    Baked light is that of a diffuse surface, which looks the same from everywhere. Planet, rings and stars as they are
+    seen give no light, only the planet's lamp does.
     """
     if settings.surface.model != "LAMBERT":
         return "the ground is not Lambert's (surface.model)"
-    if settings.rocks.coverage > 0:
-        return "there are rocks, whose instances have no light of their own (rocks.coverage)"
+    if settings.rocks.coverage > 0 and settings.rocks.own_surface and settings.rock_surface.model != "LAMBERT":
+        return "the rocks are not Lambert's (rock_surface.model)"
     if settings.lander.kind != "NONE":
         return "there is a lander, which is no part of the ground (lander.kind)"
     return ""
-
-
-def shows_baked_light(settings: Settings) -> bool:
-    """Whether the material of the ground has passes of baked light: by settings with which a material is made anew."""
-    return settings.quality.indirect != "TRACED" and settings.surface.model == "LAMBERT"
 
 
 def traced_sentence(why: str) -> str:

@@ -12,7 +12,7 @@ import hashlib
 import json
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,22 +30,29 @@ from ..nodes.scene import Built
 from ..number_text import show_rounded
 from ..physics.light import baked_texels
 from ..physics.light.baked_noise import noise_of, samples_needed
-from ..physics.random_numbers.seeds import stream
+from ..physics.light.baked_rocks import TERMS, fit
+from ..physics.random_numbers.seeds import generator, stream
 from ..physics.scene_requirements import why_not_baked
 from ..settings import changes
 from ..typed_settings import Settings
-from . import cycles_settings
+from . import baked_rocks, cycles_settings
 from .pairs import baked_file
 from .pairs.baked_file import BakedLight
 from .workers.claims import Claims
 
 #: Raise this number when the same settings are baked in another way.
-_SCHEME = 2
+_SCHEME = 3
 #: Samples of each half of the first two bakes, whose difference shows how many it takes.
 _FIRST = 8
+#: What the noise over all light of the ground is kept below quality.bake_noise by. Images differ in how much of their
+#: light is indirect, and those with more noise are traced after all, which costs more than some samples more.
+_MARGIN = 1.5
 #: Samples of the direct light, of which only the mean over the ground is needed.
 _DIRECT = 2
 _WAIT_S = 0.5
+#: Samples that show whether a texel is within a rock, and most samples of each of the three texels of a rock's point.
+_OPEN, _MOST_OF_ROCKS = 8, 16
+_NO_ROCKS = np.zeros((0, TERMS, 3), np.float32)
 #: What tells bakes of a light group from those of the Sun, in their names and seeds.
 _OTHERS: dict[str, tuple[int, ...]] = {"Sun": (), "Planet": (1,)}
 
@@ -110,9 +117,13 @@ def provide(built: Built, scene: bpy.types.Scene, settings: Settings, dataset: P
     shining = _lights(built)
     for group in BAKED_ATTRIBUTES.keys() - shining.keys():
         _show(mesh, group, np.zeros((len(mesh.vertices), 3), np.float32))
+        if built.rocks is not None:
+            baked_rocks.show(built.rocks, group, np.zeros((len(built.rocks.data.vertices), TERMS, 3), np.float32))
     for group, dark in shining.items():
         path, found, seconds = _find_or_bake(built, scene, settings, dataset, claims, group, dark)
         _show(mesh, group, found.values)
+        if built.rocks is not None:
+            baked_rocks.show(built.rocks, group, found.rocks)
         lights[group] = KeptLight(found, path.relative_to(dataset).as_posix(), sha256(path))
         spent += seconds
     return Indirect(lights, spent_s=spent)
@@ -130,16 +141,17 @@ def _lights(built: Built) -> dict[str, list[bpy.types.Object]]:
 def _find_or_bake(built: Built, scene: bpy.types.Scene, settings: Settings, dataset: Path, claims: Claims, group: str,
                   dark: list[bpy.types.Object]) -> tuple[Path, BakedLight, float]:
     """The file of a light group's baked light, what it contains, and processor seconds that it took just now."""
-    vertices = len(built.terrain.data.vertices)
+    rocks = built.rocks
+    sizes = len(built.terrain.data.vertices), len(rocks.data.vertices) if rocks is not None else 0
     key = key_of(built, settings, group)
     path = baked_file.path_of(dataset, key)
-    found, spent = baked_file.read(path, key, vertices), 0.0
+    found, spent = baked_file.read(path, key, *sizes), 0.0
     while found is None:
         with claims.hold(key) as mine:
             # It may have been written meanwhile.
-            found = baked_file.read(path, key, vertices)
+            found = baked_file.read(path, key, *sizes)
             if mine and found is None:
-                found = bake(built.terrain, scene, settings, group, dark)
+                found = bake(built.terrain, scene, settings, group, dark, rocks)
                 spent = found.cpu_seconds
                 baked_file.write(path, key, found)
         if found is None:
@@ -154,6 +166,8 @@ def _why_unsuitable(built: Built) -> str:
         return "objects were added to the scene, which have no baked light of their own"
     if built.edited_parts("terrain object", "terrain materials"):
         return "the ground was edited by hand"
+    if built.edited_parts("rock object", "rock data", "rock materials"):
+        return "rocks were edited by hand"
     polygons = built.terrain.data.polygons
     totals = np.empty(len(polygons), np.int32)
     polygons.foreach_get("loop_total", totals)
@@ -174,8 +188,9 @@ def key_of(built: Built, settings: Settings, group: str = "Sun") -> str:
 
 
 def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, group: str = "Sun",
-         dark: Sequence[bpy.types.Object] = ()) -> BakedLight:
-    """Bake the indirect light of a ground by a light group, while the lamps of others are ``dark``, see ``BakedLight``.
+         dark: Sequence[bpy.types.Object] = (), rocks: bpy.types.Object | None = None) -> BakedLight:
+    """Bake the indirect light of a ground and its ``rocks`` by a light group, while the lamps of others are ``dark``,
+    see ``BakedLight``.
 
     In two halves of other seeds, whose difference is the noise: first with few samples, then with as many more as the
     noise allows. Raises IcyMoonError if Cycles cannot bake.
@@ -184,22 +199,34 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, 
     quality = settings.quality
     kept = scene.render.use_persistent_data, scene.render.use_multiview
     seeds = stream(int(settings.dataset.seed), "bake", *_OTHERS[group]).generate_state(5) >> 1
-    triangles = _triangles(terrain.data)
-    with _hidden(dark), _open_bake(terrain, scene, settings) as run:
+    mesh = terrain.data
+    triangles, numbers = _triangles(mesh), _NO_ROCKS
+    with _hidden(dark), _open_bake(terrain, scene, settings) as (found, bake_texels):
+        covered = _covered(bake_texels, int(seeds[4])) if rocks is not None else None
+
+        def run(kind: str, samples: int, seed: int) -> np.ndarray:
+            texels = bake_texels(kind, samples, seed)
+            if covered is None:
+                return baked_texels.gather(found, texels, len(mesh.vertices))
+            return baked_texels.gather_open(found, texels, covered, len(mesh.vertices))
+
         direct = run("DIRECT", _DIRECT, int(seeds[4])).mean(dtype=np.float64)
         count = min(_FIRST, quality.bake_samples // 2)
         halves = [run("INDIRECT", count, int(seed)) for seed in seeds[:2]]
-        more = samples_needed(halves, triangles, float(direct), count, quality.bake_noise,
+        more = samples_needed(halves, triangles, float(direct), count, quality.bake_noise / _MARGIN,
                               quality.bake_samples // 2) - count
         if more > 0:
             halves = [(count * half + more * run("INDIRECT", more, int(seed))) / (count + more)
                       for half, seed in zip(halves, seeds[2:4], strict=True)]
             count += more
+    if rocks is not None and len(rocks.data.vertices):
+        with _hidden(dark):
+            numbers = _bake_rocks(rocks, terrain, scene, settings, group, min(2 * count, _MOST_OF_ROCKS))
     scene.render.use_persistent_data, scene.render.use_multiview = kept
     values = np.maximum((halves[0] + halves[1]) / 2, 0.0).astype(np.float32)
     mean = float(values.mean(dtype=np.float64))
     total = mean + float(direct)
-    return BakedLight(values, noise_of(halves, triangles), mean / total if total > 0 else 0.0, 2 * count,
+    return BakedLight(values, numbers, noise_of(halves, triangles), mean / total if total > 0 else 0.0, 2 * count,
                       time.process_time() - start)
 
 
@@ -216,29 +243,49 @@ def _hidden(lamps: Sequence[bpy.types.Object]) -> Iterator[None]:
             lamp.hide_render = hidden
 
 
+def _covered(bake_texels: Callable[[str, int, int], np.ndarray], seed: int) -> np.ndarray:
+    """Whether texels (n,) of the ground are within rocks: from there no ray gets away."""
+    return bake_texels("AO", _OPEN, seed)[:, :3].max(axis=1) <= 0
+
+
+def _bake_rocks(rocks: bpy.types.Object, terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings,
+                group: str, samples: int) -> np.ndarray:
+    """The numbers (rocks, terms, 3) of the indirect light on rocks."""
+    random = generator(int(settings.dataset.seed), "bake", 2, *_OTHERS[group])
+    points = baked_rocks.draw_points(rocks, random)
+    used = baked_rocks.above_ground(points, terrain)
+    seeds = random.integers(0, 2**31 - 1, 2)
+    with baked_rocks.stand_for(points, scene) as item, _open_bake(item, scene, settings) as (found, bake_texels):
+        used &= ~_covered(bake_texels, int(seeds[0]))[found.texels[0]].all(axis=1)
+        light = bake_texels("INDIRECT", samples, int(seeds[1]))[found.texels[0], :3].mean(axis=1)
+    return fit(points, light, used, len(rocks.data.vertices)).astype(np.float32)
+
+
 @contextmanager
-def _open_bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings) -> Iterator[Any]:
-    """A function ``run(kind, samples, seed)`` that bakes light over pi (n, 3) while the ground has no fine relief."""
-    mesh, layer = terrain.data, scene.view_layers[0]
+def _open_bake(item: bpy.types.Object, scene: bpy.types.Scene, settings: Settings) -> Iterator[
+        tuple[baked_texels.Texels, Callable[[str, int, int], np.ndarray]]]:
+    """The texels of an object, and a function of kind, samples and seed that bakes light over pi to them (n, 4), while
+    the object has no fine relief."""
+    mesh, layer = item.data, scene.view_layers[0]
     found = _lay_out(mesh)
     with ExitStack() as undo:
         image = _add_target(mesh, found, undo)
         for material in mesh.materials:
             _smooth(material.node_tree, undo)
             _aim(material.node_tree, image, undo)
-        layer.objects.active = terrain
-        terrain.select_set(True, view_layer=layer)
+        layer.objects.active = item
+        item.select_set(True, view_layer=layer)
 
         def run(kind: str, samples: int, seed: int) -> np.ndarray:
             quality = settings.quality | {"samples": samples, "denoiser": "NONE", "noise_threshold": 0.0}
             cycles_settings.apply(scene, quality, seed)
             scene.render.use_persistent_data = scene.render.use_multiview = False
-            _run_bake(scene, layer, terrain, kind)
+            _run_bake(scene, layer, item, kind)
             texels = np.empty(4 * found.side ** 2, np.float32)
             image.pixels.foreach_get(texels)
-            return baked_texels.gather(found, texels.reshape(-1, 4), len(mesh.vertices))
+            return texels.reshape(-1, 4)
 
-        yield run
+        yield found, run
 
 
 def _lay_out(mesh: bpy.types.Mesh) -> baked_texels.Texels:
@@ -293,11 +340,12 @@ def _smooth(tree: bpy.types.NodeTree, undo: ExitStack) -> None:
             tree.links.remove(link)
 
 
-def _run_bake(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, terrain: bpy.types.Object, kind: str) -> None:
-    with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=terrain, object=terrain,
-                                   selected_objects=[terrain], selected_editable_objects=[terrain]):
+def _run_bake(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, item: bpy.types.Object, kind: str) -> None:
+    what = {"type": "AO"} if kind == "AO" else {"type": "DIFFUSE", "pass_filter": {kind}}
+    with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=item, object=item,
+                                   selected_objects=[item], selected_editable_objects=[item]):
         try:
-            done = bpy.ops.object.bake(type="DIFFUSE", pass_filter={kind}, target="IMAGE_TEXTURES",
+            done = bpy.ops.object.bake(**what, target="IMAGE_TEXTURES",
                                        save_mode="INTERNAL", use_clear=True, margin=0, use_selected_to_active=False)
         except RuntimeError as error:
             why = str(error).removeprefix("Error: ").strip().splitlines()[0]

@@ -1084,7 +1084,7 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
                      ("CAMERA", "Camera Rays Only", "Other ground reflects light as if it were smooth, which saves a "
                       "tenth of the time. Under a low Sun, shadows are 2 to 5 % brighter and the mean up to 0.3 %"))),
     Setting("indirect", "Indirect Light", "TRACED", "How light that other ground reflects is computed. Only Lambert "
-            "ground without rocks can be baked; other scenes are traced, and pair.json contains why", "material",
+            "ground and rocks can be baked; other scenes are traced, and pair.json contains why", "material",
             choices=(("TRACED", "Traced", "Followed through every pixel, with quality.samples"),
                      ("BAKED", "Baked", "Computed once at the vertices of the ground. Images then take direct light "
                       "only, with few samples and no denoiser"),

@@ -22,7 +22,7 @@ from .terrain_mesh import build_mesh_from_arrays
 
 #: Angle between triangles of broken ice from which on their edge is sharp.
 _SHARP = math.radians(28.0)
-_SHAPE, _ROTATION, _SCALE = "shape", "rotation", "scale"
+SHAPE, ROTATION, SCALE = "shape", "rotation", "scale"
 
 
 def label_instances(material: bpy.types.Material) -> None:
@@ -79,9 +79,9 @@ def _build_group(name: str, shapes: bpy.types.Collection) -> bpy.types.NodeTree:
                         transform_space="ORIGINAL")
     instances = tree.node("GeometryNodeInstanceOnPoints", "Blocks", {
         "Points": points.outputs[0], "Selection": True, "Instance": library.outputs[0], "Pick Instance": True,
-        "Instance Index": _add_named_attribute(tree, "Shape", _SHAPE, "INT"),
-        "Rotation": _add_named_attribute(tree, "Rotation", _ROTATION, "FLOAT_VECTOR"),
-        "Scale": _add_named_attribute(tree, "Scale", _SCALE, "FLOAT_VECTOR")})
+        "Instance Index": _add_named_attribute(tree, "Shape", SHAPE, "INT"),
+        "Rotation": _add_named_attribute(tree, "Rotation", ROTATION, "FLOAT_VECTOR"),
+        "Scale": _add_named_attribute(tree, "Scale", SCALE, "FLOAT_VECTOR")})
     tree.node("NodeGroupOutput", "Geometry", {result: instances.outputs[0]}, leave=("__extend__",))
     tree.arrange()
     return group
@@ -114,9 +114,9 @@ def build_rocks(name: str, rocks: Rocks, shapes: Sequence[Sequence[Shape]], mate
     mesh.vertices.add(len(pick))
     mesh.vertices.foreach_set("co", rocks.position_m.astype(np.float32).ravel())
     _set_attribute(mesh, INSTANCE_ATTRIBUTE, "FLOAT", FIRST_ROCK_INSTANCE + np.arange(len(pick)))
-    _set_attribute(mesh, _SHAPE, "INT", pick)
-    _set_attribute(mesh, _ROTATION, "FLOAT_VECTOR", rocks.rotation)
-    _set_attribute(mesh, _SCALE, "FLOAT_VECTOR", rocks.scale_m)
+    _set_attribute(mesh, SHAPE, "INT", pick)
+    _set_attribute(mesh, ROTATION, "FLOAT_VECTOR", rocks.rotation)
+    _set_attribute(mesh, SCALE, "FLOAT_VECTOR", rocks.scale_m)
     item = bpy.data.objects.new(name, mesh)
     item.modifiers.new("Blocks", "NODES").node_group = group
     return item

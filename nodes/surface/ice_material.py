@@ -10,10 +10,10 @@ from typing import Any
 import bpy
 
 from ... import compat
-from ...labels import BAKED_AOVS, BAKED_ATTRIBUTES, NORMAL_AOV, ROCK, TERRAIN
+from ...labels import NORMAL_AOV, ROCK, TERRAIN
 from ...physics.random_numbers.seeds import generator
 from ...physics.rig.focal_length import focal_px
-from ...physics.scene_requirements import only_camera_meets_relief, shows_baked_light
+from ...physics.scene_requirements import only_camera_meets_relief
 from ...physics.surfaces import principled
 from ...physics.surfaces.fractures import has_fractures
 from ...physics.surfaces.hapke import from_settings
@@ -22,6 +22,7 @@ from ...typed_settings import HapkeSettings, Settings, SurfaceSettings
 from ..tree.builder import Tree
 from ..tree.formula import Number
 from . import dug_layers, ice_layers, reflectance_laws
+from .baked_passes import add_baked_passes
 from .fractures import VEIL_ALBEDO, add_fracture_share
 from .glints import add_glints
 from .ground_colour import add_ground_colour
@@ -239,22 +240,6 @@ def _add_law(material: bpy.types.Material, surface: SurfaceSettings, settings: S
             "EEVEE": reflectance_laws.add_hapke_of_nodes(ground, grains, sun)}
 
 
-def _add_baked_passes(tree: Tree, reflectance: Any) -> None:
-    """Add the passes ``BAKED_AOVS``: the radiance by the light that is baked to the ground, by light group.
-
-    They are passes and no emission, since a ground that gives light lights itself: images would be 5 to 13 % too
-    bright.
-    """
-    level = (reflectance,) * 3 if isinstance(reflectance, float) else reflectance
-    for group, attribute in BAKED_ATTRIBUTES.items():
-        baked = tree.node("ShaderNodeAttribute", f"Baked Light of {group}", attribute_type="GEOMETRY",
-                          attribute_name=attribute)
-        seen = tree.node("ShaderNodeVectorMath", f"Reflected Baked Light of {group}", {
-            "Vector": baked.outputs["Vector"], "Vector_001": level}, operation="MULTIPLY").outputs[0]
-        tree.node("ShaderNodeOutputAOV", f"Baked Pass of {group}", {"Color": seen, "Value": 0.0},
-                  aov_name=BAKED_AOVS[group])
-
-
 def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int,
                    textured: Textured | None = None, settings: Settings | None = None,
                    by_fineness: bool = False, albedo_pass: bool = False, dug: bool = False) -> bpy.types.Material:
@@ -358,7 +343,7 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
         frosted = (ice_layers.add_frost_share(tree, surface, geometry, frost_at)
                    if surface.model == "PRINCIPLED" and surface.frost_share > 0.0 else None)
         add_albedo_pass(tree, surface, settings, grey, reflectance, least, frosted)
-    if settings is not None and semantic == TERRAIN and shows_baked_light(settings):
-        _add_baked_passes(tree, _add_reflectance(tree, surface, grey, colour))
+    if settings is not None and settings.quality.indirect != "TRACED" and surface.model == "LAMBERT":
+        add_baked_passes(tree, _add_reflectance(tree, surface, grey, colour), semantic == ROCK)
     tree.arrange()
     return material

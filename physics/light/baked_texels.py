@@ -30,6 +30,10 @@ _LINEAR = (np.eye(3) * 3 + 1) / 6
 _BILINEAR = np.array([[9, 3, 1, 3], [3, 9, 3, 1], [1, 3, 9, 3], [3, 1, 3, 9]]) / 16
 
 
+#: Rings of covered vertices that get light from their neighbours.
+_FILLED = 2
+
+
 @dataclass(frozen=True)
 class Texels:
     """The texels of a mesh in a square image of ``side`` texels.
@@ -74,6 +78,31 @@ def _turned_square() -> np.ndarray:
     turn = math.radians(_TURN_DEG)
     turned = np.array([[math.cos(turn), math.sin(turn)], [-math.sin(turn), math.cos(turn)]])
     return _SIDE / 2 + (_NEAREST * _SIDE - _SIDE / 2) @ turned
+
+
+def gather_open(found: Texels, image: np.ndarray, covered: np.ndarray, vertices: int) -> np.ndarray:
+    """``gather`` without the texels that are ``covered`` (texels,).
+
+    A vertex around which all texels are covered gets the mean of the nearest vertices that have light, since a facet
+    may show beside what covers its corner.
+    """
+    seen = np.where(covered[:, None], 0.0, image)
+    light = gather(found, seen, vertices)
+    known = gather(found, np.where(seen[:, 3:] > 0, 1.0, 0.0) * np.ones(4), vertices)[:, 0] > 0
+    for _ in range(_FILLED):
+        total, count = np.zeros((vertices, 3)), np.zeros(vertices)
+        for corners in found.vertices:
+            some = known[corners]
+            for band in range(3):
+                of_facet = (light[corners, band] * some).sum(axis=1)
+                for k in range(corners.shape[1]):
+                    total[:, band] += np.bincount(corners[:, k], of_facet, vertices)
+            for k in range(corners.shape[1]):
+                count += np.bincount(corners[:, k], some.sum(axis=1), vertices)
+        filled = ~known & (count > 0)
+        light[filled] = total[filled] / count[filled, None]
+        known |= filled
+    return light
 
 
 def gather(found: Texels, image: np.ndarray, vertices: int) -> np.ndarray:

@@ -16,6 +16,7 @@ import numpy as np
 
 from ... import system
 from ...files import write_atomically
+from ...physics.light.baked_rocks import TERMS
 
 #: Folder of a data set with baked light.
 LIGHT = "light"
@@ -28,11 +29,13 @@ _HEADER = 1024
 class BakedLight:
     """Indirect irradiance over pi at the vertices of a ground, (n, 3) float32, W/(m² sr) in the bands R, G, B.
 
+    ``rocks`` (rocks, terms, 3) float32 are the numbers of ``physics.light.baked_rocks`` for the same on rocks.
     ``noise`` is its standard error over its mean, from two halves of the ``samples``. ``share`` is its mean over that
     of all light at the vertices. ``cpu_seconds`` is what it took.
     """
 
     values: np.ndarray
+    rocks: np.ndarray
     noise: float
     share: float
     samples: int
@@ -50,27 +53,32 @@ def write(path: Path, key: str, light: BakedLight) -> None:
 
     def save(part: Path) -> None:
         with part.open("wb") as stream:
-            np.savez_compressed(stream, key=np.array(key, "S12"), values=light.values.astype("<f4"), **numbers)
+            np.savez_compressed(stream, key=np.array(key, "S12"), values=light.values.astype("<f4"),
+                                rocks=light.rocks.astype("<f4"), **numbers)
 
     write_atomically(path, save)
 
 
-def read(path: Path, key: str, vertices: int) -> BakedLight | None:
-    """The baked light of a ground of so many vertices; None if there is none, or the file is not what it should be."""
+def read(path: Path, key: str, vertices: int, rocks: int = 0) -> BakedLight | None:
+    """The baked light of a ground of so many vertices and rocks; None if there is none, or the file is not what it
+    should be."""
     try:
         data = system.retry(path.read_bytes)
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             sizes = {each.filename: each.file_size for each in archive.infolist()}
-        most = {f"{name}.npy": _HEADER for name in (*_NUMBERS, "key")} | {"values.npy": 12 * vertices + _HEADER}
+        most = {f"{name}.npy": _HEADER for name in (*_NUMBERS, "key")} | {
+            "values.npy": 12 * vertices + _HEADER, "rocks.npy": 12 * TERMS * rocks + _HEADER}
         if sizes.keys() != most.keys() or any(sizes[name] > most[name] for name in most):
             return None
         with np.load(io.BytesIO(data), allow_pickle=False) as found:
-            values, stated = found["values"], found["key"]
+            values, of_rocks, stated = found["values"], found["rocks"], found["key"]
             noise, share, samples, seconds = (float(found[name]) for name in _NUMBERS)
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
         return None
     whole = (stated.dtype.kind == "S" and stated.shape == () and bytes(stated[()]) == key.encode()
              and values.dtype == np.dtype("<f4") and values.shape == (vertices, 3)
              and np.isfinite(values).all() and (values >= 0).all()
+             and of_rocks.dtype == np.dtype("<f4") and of_rocks.shape == (rocks, TERMS, 3)
+             and np.isfinite(of_rocks).all()
              and np.isfinite([noise, share, samples, seconds]).all())
-    return BakedLight(values, noise, share, int(samples), seconds) if whole else None
+    return BakedLight(values, of_rocks, noise, share, int(samples), seconds) if whole else None

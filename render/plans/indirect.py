@@ -10,7 +10,11 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 
+from ...physics.light.baked_rocks import POINTS
 from ...physics.mesh.grading import grade
+from ...physics.rocks.rocks import LEVEL_RANKS
+from ...physics.rocks.size_laws import size_law
+from ...physics.rocks.table import TABLE
 from ...physics.scene_requirements import can_be_baked, direct_quality
 from ...physics.terrain.terrain import make_terrain
 from ...settings import changes
@@ -26,6 +30,8 @@ _S_PER_MPATH, _START_S = 0.8, 0.8
 _DIRECT_S, _BOUNCE_S, _DENOISE_S = 1.76, 0.17, 3.5
 #: Corners of a uniform grid for each vertex, and of triangles.
 _OF_A_QUAD, _OF_TRIANGLES = 4.0, 6.0
+#: Paths from a point of a rock: three texels with their samples.
+_OF_A_POINT = 72.0
 
 
 def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
@@ -59,9 +65,10 @@ def break_even(settings: Settings) -> int:
 
 
 def bake_seconds(settings: Settings) -> float:
-    """Processor seconds of baking the light of a made-up ground, that of the planet too, if it takes all its
-    samples."""
-    once = _START_S + _S_PER_MPATH * settings.quality.bake_samples * _count_corners(settings) / 1e6
+    """Processor seconds of baking the light of a made-up ground and its rocks, that of the planet too, if it takes all
+    its samples."""
+    paths = settings.quality.bake_samples * _count_corners(settings) + _OF_A_POINT * _count_points(settings)
+    once = _START_S + _S_PER_MPATH * paths / 1e6
     return once * (1 + settings.light.planet)
 
 
@@ -69,6 +76,17 @@ def _count_corners(settings: Settings) -> float:
     if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
         return _OF_TRIANGLES * grade(make_terrain(settings, int(settings.dataset.seed)), settings).rings.vertices
     return _OF_A_QUAD * settings.terrain.resolution ** 2
+
+
+def _count_points(settings: Settings) -> float:
+    """Points of rocks to which light is baked; of a table of rocks, the most that there can be."""
+    rocks = settings.rocks
+    if rocks.coverage <= 0:
+        return 0.0
+    count = float(rocks.most) if rocks.law == TABLE else min(
+        rocks.most, size_law(rocks).total_per_m2 * settings.terrain.size_m ** 2)
+    ends = (0.0, *(min(rank, count) for rank in LEVEL_RANKS), count)
+    return sum(points * (end - start) for points, start, end in zip(POINTS, ends, ends[1:], strict=False))
 
 
 def _pair_seconds(settings: Settings, quality: QualitySettings) -> float:

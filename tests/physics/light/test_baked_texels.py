@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.physics.light.baked_texels import Texels, gather, lay_out
+from icymoon.physics.light.baked_texels import Texels, gather, gather_open, lay_out
 
 #: A square, a triangle at its side, and a square at that of the triangle: facets of 1, 2 and 3 m².
 CORNERS, COUNTS = np.array([0, 1, 2, 3, 1, 4, 2, 4, 5, 6, 2]), np.array([4, 3, 4])
@@ -68,3 +68,13 @@ def test_texels_that_were_not_baked_do_not_count():
 def test_facets_of_more_than_four_corners_are_refused():
     with pytest.raises(ValueError, match="four corners"):
         lay_out(np.array([0]), np.array([5]), np.arange(5), np.array([1.0]))
+
+
+def test_covered_texels_do_not_count_and_what_is_covered_has_the_light_beside_it():
+    found = mesh()
+    image = image_of(found, np.full((len(CORNERS), 3), 0.25))
+    covered = np.zeros(len(image), bool)
+    covered[found.texels[1][1]] = True  # a whole facet, two of whose corners are in no other
+    image[covered, :3] = 9.0
+    assert gather_open(found, image, covered, VERTICES) == pytest.approx(np.full((VERTICES, 3), 0.25))
+    assert np.all(gather_open(found, image, np.ones(len(image), bool), VERTICES) == 0.0)

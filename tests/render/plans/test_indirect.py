@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from icymoon.physics.scene_requirements import is_baked, why_not_baked
 from icymoon.render.plans.indirect import bake_seconds, break_even, choose_indirect
@@ -58,8 +59,15 @@ def test_light_of_a_planet_is_baked_too_and_takes_as_long_as_that_of_the_sun():
     assert bake_seconds(with_planet) == pytest.approx(2 * bake_seconds(described()))
 
 
+def test_rocks_are_baked_too_and_take_longer_the_more_there_are():
+    seconds = [bake_seconds(described({"rocks": {"coverage": coverage}})) for coverage in (0.0, 0.01, 0.05, 0.2)]
+    assert np.all(np.diff(seconds) > 0)
+    assert is_baked(described({"rocks": {"coverage": 0.1}, "quality": {"indirect": "BAKED"}}))
+
+
 @pytest.mark.parametrize("part", [
-    {"surface": {"model": "PRINCIPLED"}}, {"surface": {"model": "HAPKE"}}, {"rocks": {"coverage": 0.1}},
+    {"surface": {"model": "PRINCIPLED"}}, {"surface": {"model": "HAPKE"}},
+    {"rocks": {"coverage": 0.1, "own_surface": True}, "rock_surface": {"model": "PRINCIPLED"}},
     {"lander": {"kind": "PARAMETRIC"}}])
 def test_what_cannot_be_baked_is_traced_and_told(part):
     settings = described(part, {"quality": {"indirect": "BAKED"}})

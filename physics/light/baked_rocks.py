@@ -1,0 +1,93 @@
+"""Light on rocks as a few numbers for each: what a bake at points of their surface makes of it.
+
+Rocks are instances of a few shapes, so their vertices carry no light of their own. But a rock is convex and small
+beside what lights it. So the light on it depends mostly on the direction that its surface faces, and smoothly: nine
+terms of second order in the normal suffice for light from afar (Ramamoorthi and Hanrahan 2001, SIGGRAPH). What is near,
+such as the rock's own shadow on the ground, changes from side to side and from foot to top: three more terms are linear
+in the place on the rock. The twelve numbers are fitted to light at random points of the rock's surface, so their noise
+is less than that of the points, and the same all over a rock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Terms of the light on a rock: 1, x, y, z, xy, yz, zx, x² - y², 3 z² - 1 of the normal, and the place of a point.
+TERMS = 12
+#: Points of a rock, by its level of detail, finest first.
+POINTS = (64, 32, 16)
+#: What a term of first, of second order and of place costs in the fit, per point, in units of its own square: so little
+#: that only rocks with few points notice.
+_RIDGE = np.array([1e-6] + [3e-4] * 3 + [1e-3] * 8)
+#: Width of a triangle that stands for a point, and its height over the surface, over the rock's diameter.
+_WIDTH, _HEIGHT = 1e-3, 1e-4
+
+
+@dataclass(frozen=True)
+class Points:
+    """``n`` points of rocks: which ``rock`` (n,), place on the unit shape (n, 3), unit ``normal`` (n, 3), and the
+    ``corners`` (n, 3, 3) in metres of a small triangle just above each."""
+
+    rock: np.ndarray
+    place: np.ndarray
+    normal: np.ndarray
+    corners: np.ndarray
+
+
+def terms_of(normal: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """The ``TERMS`` (n, 12) at unit normals (n, 3) and places (n, 3)."""
+    x, y, z = normal.T
+    return np.column_stack([np.ones_like(x), x, y, z, x * y, y * z, z * x, x * x - y * y, 3 * z * z - 1, place])
+
+
+def draw_points(vertices: np.ndarray, triangles: np.ndarray, rocks: np.ndarray, matrices: np.ndarray,
+                positions: np.ndarray, count: int, random: np.random.Generator) -> Points:
+    """``count`` random points of each of the ``rocks`` (k,), all of one unit shape (vertices and triangles).
+
+    ``matrices`` (k, 3, 3) turn and scale the shape, ``positions`` (k, 3) are where its origin is then. Every triangle
+    is as likely as its area on the unit shape.
+    """
+    corners = vertices[triangles]
+    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    shares = np.cumsum(areas) / areas.sum()
+    # A point in each of so many equal parts of the surface, in the order of triangles, which neighbours follow.
+    drawn = (np.arange(count) + random.random((len(rocks), count))) / count
+    chosen = np.searchsorted(shares, drawn.ravel(), side="right").clip(max=len(triangles) - 1)
+    weights = random.dirichlet((1.0, 1.0, 1.0), len(chosen))
+    place = np.einsum("nk,nkj->nj", weights, corners[chosen])
+    rock = np.repeat(np.arange(len(rocks)), count)
+    matrix = matrices[rock]
+    sides = np.einsum("nij,nkj->nki", matrix, corners[chosen])
+    across = sides[:, 1] - sides[:, 0]
+    normal = np.cross(across, sides[:, 2] - sides[:, 0])
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
+    across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
+    size = np.cbrt(np.abs(np.linalg.det(matrices)))[rock, None]
+    middle = np.einsum("nij,nj->ni", matrix, place) + positions[rock] + _HEIGHT * size * normal
+    up = np.cross(normal, across)
+    ways = np.stack([across, -0.5 * across + 0.75 ** 0.5 * up, -0.5 * across - 0.75 ** 0.5 * up], axis=1)
+    return Points(rocks[rock], place, normal, middle[:, None] + _WIDTH * size[:, None] * ways)
+
+
+def fit(points: Points, light: np.ndarray, used: np.ndarray, rocks: int) -> np.ndarray:
+    """The numbers (rocks, 12, 3) whose terms fit ``light`` (n, 3) at the points that are ``used`` (n,).
+
+    A rock without used points, which nobody sees, gets none.
+    """
+    found = np.zeros((rocks, TERMS, 3))
+    terms = terms_of(points.normal, points.place)
+    order = np.argsort(points.rock, kind="stable")
+    order = order[used[order]]
+    of = points.rock[order]
+    for rock, start, count in zip(*np.unique(of, return_index=True, return_counts=True), strict=True):
+        rows = order[start:start + count]
+        some = terms[rows]
+        found[rock] = np.linalg.solve(some.T @ some + count * np.diag(_RIDGE), some.T @ light[rows])
+    return found
+
+
+def light_of(numbers: np.ndarray, points: Points) -> np.ndarray:
+    """The light (n, 3) of the numbers (rocks, 12, 3) at points, at least 0."""
+    return np.maximum(np.einsum("nt,ntb->nb", terms_of(points.normal, points.place), numbers[points.rock]), 0.0)

@@ -1,0 +1,111 @@
+"""Light baked to points of rocks, for the few numbers that a rock carries of it (``physics.light.baked_rocks``).
+
+A small triangle stands just above each point. It is seen by no ray, so it changes no light.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+
+from .. import compat
+from ..labels import BAKED_ATTRIBUTES
+from ..nodes.datablocks.fingerprint import TAG
+from ..nodes.ground.heights_under import probe_heights
+from ..nodes.ground.rocks import ROTATION, SCALE, SHAPE, parts_of
+from ..nodes.ground.terrain_mesh import build_mesh_from_arrays
+from ..physics.light import baked_rocks
+from ..physics.light.baked_rocks import Points
+from ..physics.rocks.rocks import LEVEL_RANKS, euler_matrices
+
+_NAME = "Icy Moon Baked Rocks"
+
+
+def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> Points:
+    """Points of all rocks of a built object of rocks; of the largest there are most."""
+    mesh = rocks.data
+    count = len(mesh.vertices)
+    shape = _read(mesh, SHAPE, np.int32, 1)[:, 0]
+    scale = _read(mesh, SCALE, np.float32, 3).astype(np.float64)
+    matrices = euler_matrices(_read(mesh, ROTATION, np.float32, 3).astype(np.float64)) * scale[:, None, :]
+    positions = np.empty(3 * count, np.float32)
+    mesh.vertices.foreach_get("co", positions)
+    level = np.searchsorted(LEVEL_RANKS, np.arange(count), side="right")
+    shapes = sorted((part for part in parts_of(rocks, TAG) if isinstance(part, bpy.types.Object)),
+                    key=lambda part: part.name)
+    drawn = []
+    for number, of in enumerate(shapes):
+        vertices, triangles = _arrays(of.data)
+        for some, points in enumerate(baked_rocks.POINTS):
+            these = np.flatnonzero((shape == number) & (level == some))
+            if len(these):
+                drawn.append(baked_rocks.draw_points(vertices, triangles, these, matrices[these],
+                                                     positions.reshape(-1, 3)[these].astype(np.float64), points,
+                                                     random))
+    return Points(*(np.concatenate([getattr(each, name) for each in drawn])
+                    for name in ("rock", "place", "normal", "corners")))
+
+
+def above_ground(points: Points, terrain: bpy.types.Object) -> np.ndarray:
+    """Whether points (n,) are over the ground, or beside it."""
+    middle = points.corners.mean(axis=1)
+    with probe_heights(terrain) as heights:
+        return ~(middle[:, 2] < heights(middle[:, 0], middle[:, 1]))
+
+
+@contextmanager
+def stand_for(points: Points, scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
+    """An object of the points' triangles in a scene, white and seen by no ray."""
+    corners = points.corners.reshape(-1, 3)
+    mesh = build_mesh_from_arrays(_NAME, corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3))
+    mesh.polygons.foreach_set("use_smooth", np.zeros(len(points.rock), bool))
+    material = bpy.data.materials.new(_NAME)
+    tree = compat.ensure_nodes(material)
+    tree.nodes.clear()
+    white = tree.nodes.new("ShaderNodeBsdfDiffuse")
+    tree.links.new(white.outputs[0], tree.nodes.new("ShaderNodeOutputMaterial").inputs[0])
+    mesh.materials.append(material)
+    item = bpy.data.objects.new(_NAME, mesh)
+    for ray in ("camera", "diffuse", "glossy", "transmission", "shadow"):
+        setattr(item, f"visible_{ray}", False)
+    scene.collection.objects.link(item)
+    try:
+        yield item
+    finally:
+        bpy.data.objects.remove(item)
+        bpy.data.meshes.remove(mesh)
+        bpy.data.materials.remove(material)
+
+
+def show(rocks: bpy.types.Object, group: str, numbers: np.ndarray) -> None:
+    """Let rocks carry the numbers (rocks, terms, 3) of a light group, unless they do."""
+    mesh, changed = rocks.data, False
+    for term in range(baked_rocks.TERMS):
+        name = f"{BAKED_ATTRIBUTES[group]}_{term}"
+        there = mesh.attributes.get(name)
+        if there is None:
+            there = mesh.attributes.new(name, "FLOAT_VECTOR", "POINT")
+        values = np.ascontiguousarray(numbers[:, term], np.float32)
+        if not np.array_equal(_read(mesh, name, np.float32, 3), values):
+            there.data.foreach_set("vector", values.ravel())
+            changed = True
+    if changed:
+        mesh.update()
+
+
+def _read(mesh: bpy.types.Mesh, name: str, kind: type, width: int) -> np.ndarray:
+    """An attribute of points, (n, width)."""
+    found: np.ndarray = np.empty(len(mesh.vertices) * width, kind)
+    mesh.attributes[name].data.foreach_get("vector" if width == 3 else "value", found)
+    return found.reshape(-1, width)
+
+
+def _arrays(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (n, 3) and triangles (m, 3) of a shape."""
+    vertices, corners = np.empty(3 * len(mesh.vertices), np.float32), np.empty(len(mesh.loops), np.int32)
+    mesh.vertices.foreach_get("co", vertices)
+    mesh.loops.foreach_get("vertex_index", corners)
+    return vertices.reshape(-1, 3).astype(np.float64), corners.reshape(-1, 3)
