@@ -46,8 +46,9 @@ def means_of(pair: PlannedPair, dataset: Path) -> dict[str, float]:
     views = [read_view(found.image(eye)) for eye in ("left", "right")]
     means = {"all": np.mean([view.radiance.mean() for view in views]),
              **{group: np.mean([view.groups[group].mean() for view in views]) for group in views[0].groups}}
-    if any((view.semantic == ROCK).any() for view in views):
-        means["rocks"] = np.mean([view.radiance[view.semantic == ROCK].mean() for view in views])
+    of_rocks = [view.radiance[np.asarray(view.semantic) == ROCK] for view in views]
+    if all(map(len, of_rocks)):
+        means["rocks"] = np.mean([each.mean() for each in of_rocks])
     return {name: float(value) for name, value in means.items()}
 
 

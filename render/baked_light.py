@@ -341,7 +341,7 @@ def _smooth(tree: bpy.types.NodeTree, undo: ExitStack) -> None:
 
 
 def _run_bake(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, item: bpy.types.Object, kind: str) -> None:
-    what = {"type": "AO"} if kind == "AO" else {"type": "DIFFUSE", "pass_filter": {kind}}
+    what: dict[str, Any] = {"type": "AO"} if kind == "AO" else {"type": "DIFFUSE", "pass_filter": {kind}}
     with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=item, object=item,
                                    selected_objects=[item], selected_editable_objects=[item]):
         try:

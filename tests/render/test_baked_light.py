@@ -263,11 +263,10 @@ def test_light_on_rocks_and_around_them_is_the_light_that_is_traced(registered, 
     """The mean over pixels of rocks is within 4 %, since twelve numbers do not hold the light near a rock's foot; that
     of the ground within 2 %. Without light on rocks theirs would be 15 % less."""
     stones = {"rocks": {"coverage": 0.15, "smallest_m": 0.3, "largest_m": 0.8}, "dataset": {"headings": 1},
-              "terrain": {"size_m": 8.0, "rms_slope_deg": 8.0}, "surface": {"grain_amplitude_m": 0.0},
-              "mesh": {"kind": "GRID"}}
-    fine = {"terrain": {**stones["terrain"], "resolution": 129}}
-    baked, = planned(stones, fine, {"quality": {"bake_samples": 64, "direct_samples": 64, "truth": "SEMANTIC"}})
-    traced, = planned(stones, fine, {"quality": {"indirect": "TRACED", "samples": 128, "truth": "SEMANTIC"}})
+              "terrain": {"size_m": 8.0, "rms_slope_deg": 8.0, "resolution": 129},
+              "surface": {"grain_amplitude_m": 0.0}, "mesh": {"kind": "GRID"}}
+    baked, = planned(stones, {"quality": {"bake_samples": 64, "direct_samples": 64, "truth": "SEMANTIC"}})
+    traced, = planned(stones, {"quality": {"indirect": "TRACED", "samples": 128, "truth": "SEMANTIC"}})
     run(tmp_path, [baked, traced])
     for kind, bound in ((1, 0.02), (2, 0.04)):
         means = []
