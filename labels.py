@@ -10,6 +10,8 @@ ALBEDO_AOV = "Albedo"  # value pass of maps of the ground only
 BAKED_AOVS = {"Sun": "Baked", "Planet": "BakedPlanet"}
 #: Of the ground's vertices, by light group: their indirect irradiance over pi, in three bands.
 BAKED_ATTRIBUTES = {"Sun": "icymoon_baked_light", "Planet": "icymoon_baked_light_planet"}
+#: What they have where no light was baked, so that a pixel that shows such ground is found.
+NOT_BAKED = -1.0e30
 
 #: Light groups of the Beauty layer, each a pass ``Combined_<group>``, and the setting that weighs it.
 LIGHT_GROUPS = {"Sun": "sun_scale", "Planet": "planet_scale"}

@@ -619,6 +619,7 @@ class QualitySettings(Table):
     fine_relief: Literal["ALL", "CAMERA"]
     indirect: Literal["TRACED", "BAKED", "AUTO"]
     direct_samples: int  # samples
+    bake_area: Literal["GROUND", "VIEW"]
     bake_samples: int  # samples
     bake_noise: float
     half_floats: Literal["NONE", "RADIANCE", "RADIANCE_NORMALS"]

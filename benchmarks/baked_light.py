@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from guiss_cost import ladder, snow
+from guiss_cost import LAMBERT, ladder, snow
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.settings.description import check, merged
@@ -59,7 +59,7 @@ def main(options: argparse.Namespace, dataset: Path) -> None:
     from icymoon.render.worker import render_from
 
     icymoon.register()
-    rung = next(each for each in ladder() if each.name.startswith("relief for the camera"))
+    rung = next(each for each in ladder() if each.name == LAMBERT)
     scene = merged(snow(options.scale), check(dict(rung.settings), "benchmark"),
                    check({"rocks": {"coverage": options.rocks}, "light": {"planet": options.planet} | (
                        PLANET if options.planet else {})}, "benchmark"))

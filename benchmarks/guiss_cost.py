@@ -1,6 +1,7 @@
 """The cost of a pair of snow in Icy Moon and with the settings of the GUISS paper's public code, in one run.
 
-    python benchmarks/guiss_cost.py [--ground gentle] [--scale 0.25] [--pairs N] [--reference-samples N] [--out FOLDER]
+    python benchmarks/guiss_cost.py [--ground gentle] [--scale 0.25] [--pairs N] [--reference-samples N]
+        [--converged N] [--out FOLDER]
 
 The snow of the paper (Ramchander Bhaskara et al., "Icy Moon Surface Simulation and Stereo Depth Estimation for Sampling
 Autonomy", IEEE Aerospace Conference 2024) on ground of its terrain function, seen by its camera at 640 x 480 px. The
@@ -13,13 +14,14 @@ two thirds.
 Cost is processor seconds of all threads: ``first`` for a process that renders one pair (start, build, pair), ``more``
 for each further pair of the same process. Baked light is in ``first`` whole and not in ``more``. Ratios are those of
 ``more``, to which baked light is added divided by each number of ``--images`` that have the ground and the Sun in
-common. The first row renders only its two images and one depth. All others also
-render exact depth, normals and labels of both eyes. SGBM, StereoBM and JPLV are compared with the exact disparity where
-both eyes see: coverage, mean error, share wrong by more than 1 px, share wrong or missing. A row with more coverage
-includes harder pixels. So each row also shows its increase over the first, ± a standard error (jackknife over tiles):
-of the mean error of the pixels that both rows measure, and of the share wrong or missing. Radiance is compared with a
-render of many samples with all bounces and subsurface scattering: the mean, and the root mean square of the difference
-of a pixel over the mean. Needs Blender as a module.
+common, but not divided if it is baked only where a pair sees the ground. The first row renders only its two images and
+one depth. All others also render exact depth, normals and labels of both eyes. SGBM, StereoBM and JPLV are compared
+with the exact disparity where both eyes see: coverage, mean error, share wrong by more than 1 px, share wrong or
+missing. A row with more coverage includes harder pixels. So each row also shows its increase over the first, ± a
+standard error (jackknife over tiles): of the mean error of the pixels that both rows measure, and of the share wrong or
+missing. Radiance is compared with a render of many samples with all bounces and subsurface scattering: the mean, and
+the root mean square of the difference of a pixel over the mean. With ``--converged`` the increases are not over the
+first row, but over Lambert snow of that many samples without a denoiser. Needs Blender as a module.
 """
 
 from __future__ import annotations
@@ -71,6 +73,8 @@ PAPER: dict[str, Any] = {
     "sample_clamp_indirect": 5.0, "blur_glossy": 5.0, "light_sampling_threshold": 0.01, "use_light_tree": True,
     "denoising_prefilter": "ACCURATE", "sampling_pattern": "TABULATED_SOBOL"}
 CLEANED = {key: PAPER[key] for key in ("denoising_prefilter", "sampling_pattern")}
+#: The row that all rows below it start from.
+LAMBERT = "relief for the camera alone"
 CLASSIC = {"sampling_pattern": PAPER["sampling_pattern"]}
 
 
@@ -101,11 +105,15 @@ def ladder() -> list[Rung]:
             Rung("9 samples", few),
             Rung("truth is depth only", depth),
             Rung("Lambert, same albedo", plain),
-            Rung("relief for the camera alone", camera),
+            Rung(LAMBERT, camera),
             Rung("7 samples", _with_quality(camera, {"samples": 7})),
             *(Rung(f"light baked by {most}, {n} direct samples", _with_quality(camera, {
                 "indirect": "BAKED", "bake_samples": most, "bake_noise": 0.0, "direct_samples": n}))
               for most, n in ((16, 4), (64, 2), (64, 4), (256, 2), (256, 4))),
+            *(Rung(f"light baked where seen by {most}, {n} direct samples", _with_quality(camera, {
+                "indirect": "BAKED", "bake_area": "VIEW", "bake_samples": most, "bake_noise": 0.0,
+                "direct_samples": n}))
+              for most, n in ((64, 2), (64, 4), (128, 2), (256, 2))),
             Rung("graded mesh of 4 px: finer ground", {
                 **camera, "mesh": {"kind": "GRADED", "error_px": 4.0, "edge_px": 24.0}})]
 
@@ -155,7 +163,9 @@ def render(job: dict[str, Any]) -> list[dict[str, Any]]:
         stated = json.loads((folder / "pair.json").read_text())
         cost, indirect = stated["cpu_seconds"], stated.get("indirect", {})
         # The paper's code writes neither truth nor these files.
-        made.append({"folder": str(folder), "before": cost["before"], "bake": indirect.get("cpu_seconds_of_bake", 0.0),
+        bake = sum(light["cpu_seconds_of_bake"] for light in indirect.get("lights", {}).values())
+        made.append({"folder": str(folder), "before": cost["before"], "bake": bake,
+                     "shared": pair.settings.quality.bake_area == "GROUND",
                      "noise": indirect.get("noise", 0.0), "share": indirect.get("share", 0.0),
                      "pair": apart.costs[k] if rung.apart else cost["pair"]})
     return made
@@ -253,7 +263,7 @@ def measured(pairs: Sequence[Mapping[str, Any]], found: Sequence[Errors], first:
     costs = [pair["pair"] for pair in pairs]
     bake = pairs[0]["bake"]
     row: dict[str, Any] = {
-        "first": pairs[0]["before"] + bake + costs[0], "bake": bake,
+        "first": pairs[0]["before"] + bake + costs[0], "bake": bake, "shared": pairs[0]["shared"],
         "more": float(np.mean(costs[1:] or costs)),
         "stereo": {label: dict(zip(STEREO, np.mean([stereo_numbers(each.tallies[label].sum(axis=0)) for each in found],
                                                    axis=0).tolist(), strict=True)) for label in found[0].off},
@@ -274,7 +284,7 @@ def head(images: Sequence[int] = (1,)) -> str:
 def shown(name: str, row: Mapping[str, Any], most: float, images: Sequence[int] = (1,)) -> str:
     """The lines of a row, one of each matcher; ``most`` is the cost of the first row, CPU-s a pair."""
     cost = (f"{name:44}{row['first']:7.1f}{row['bake']:7.1f}{row['more']:7.2f}"
-            + "".join(f"{most / (row['more'] + row['bake'] / n):8.1f}" for n in images))
+            + "".join(f"{most / (row['more'] + row['bake'] / (n if row['shared'] else 1)):8.1f}" for n in images))
     light = f"{100 * row['bias']:+8.2f}%{100 * row['rmse']:6.2f}%" if "bias" in row else ""
     lines = []
     for k, (label, numbers) in enumerate(row["stereo"].items()):
@@ -307,14 +317,24 @@ def main(options: argparse.Namespace, out: Path) -> None:
         best = read_reference(folders, methods, {})
         print(f"{many.name}, no denoiser: {best.noise:.2%} noise, SGBM {best.stereo['sgbm']['epe_px']:.3f} px",
               flush=True)
+
+    def render_row(rung: Rung, folder: Path) -> tuple[list[dict[str, Any]], list[Errors]]:
+        settings = description.merged(scene, description.check(dict(rung.settings), "benchmark"),
+                                      {"dataset": {"headings": options.pairs}})
+        pairs = rendered(rung, settings, folder)
+        return pairs, [errors(Path(pair["folder"]), methods) for pair in pairs]
+
+    if options.converged:
+        rung = next(each for each in ladder() if each.name == LAMBERT)
+        pairs, first = render_row(Rung(f"{rung.name}, {options.converged} samples, no denoiser", _with_quality(
+            rung.settings, {"samples": options.converged, "denoiser": "NONE"})), out / "converged")
+        print(shown(f"converged: {options.converged} samples", measured(pairs, first, first, None), 0.0,
+                    options.images), flush=True)
     most = 0.0
     for k, rung in enumerate(ladder()):
         if options.only and not any(word in rung.name for word in options.only):
             continue
-        settings = description.merged(scene, description.check(dict(rung.settings), "benchmark"),
-                                      {"dataset": {"headings": options.pairs}})
-        pairs = rendered(rung, settings, out / f"rung{k}")
-        found = [errors(Path(pair["folder"]), methods) for pair in pairs]
+        pairs, found = render_row(rung, out / f"rung{k}")
         first = first or found
         rows[rung.name] = row = measured(pairs, found, first, best)
         most = most or row["more"]
@@ -333,6 +353,8 @@ if __name__ == "__main__":
     parser.add_argument("--pairs", type=int, default=2, help="pairs per row, each with its own heading")
     parser.add_argument("--reference-samples", type=int, default=128,
                         help="samples of the render that radiance is compared with; 0: none")
+    parser.add_argument("--converged", type=int, default=0,
+                        help="samples of the render whose errors others are compared with; 0: the first row's")
     parser.add_argument("--images", type=int, nargs="*", default=[36, 4, 1],
                         help="numbers of images of a ground under one Sun, which share a bake")
     parser.add_argument("--ground", choices=tuple(GROUNDS), default="paper")

@@ -5,6 +5,7 @@ Only the passes whose light changes are decoded; other parts stay as they are.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -41,7 +42,8 @@ def add_planet(image: bytes, planet: bytes) -> bytes:
 
 def add_baked(image: bytes) -> tuple[bytes, dict[str, float]]:
     """An EXR file with its passes of baked light added to its image and to their light groups, where it has any, and
-    the share of each in all light of the image, by light group.
+    the share of each in all light of the image, by light group: nan if a pixel has less than none, which is ground to
+    which no light was baked.
 
     Raises as ``add_planet`` does.
     """
@@ -50,6 +52,8 @@ def add_baked(image: bytes) -> tuple[bytes, dict[str, float]]:
     light = {group: _read_bands(image, f"{BEAUTY}.{BAKED_AOVS[group]}") for group in there or BAKED_AOVS}
     added = {f"{BEAUTY}.Combined_{group}": bands for group, bands in light.items()
              if _find_bands(parts, f"{BEAUTY}.Combined_{group}")}
+    if any(values.min(initial=0.0) < 0.0 for bands in light.values() for values in bands.values()):
+        return image, dict.fromkeys(light, math.nan)
     whole = {band: np.sum([bands[band] for bands in light.values()], axis=0, dtype=np.float32) for band in "RGB"}
     image, total = _add(image, {_IMAGE: whole, **added})
     return image, {group: sum(float(values.sum(dtype=np.float64)) for values in bands.values()) / total

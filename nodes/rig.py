@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import bpy
@@ -60,3 +63,22 @@ def eye_poses(matrix_world: Matrix, baseline_m: float) -> dict[str, np.ndarray]:
     right = left.copy()
     right[:3, 3] += left[:3, 0] * baseline_m
     return {"left": left, "right": right}
+
+
+@contextmanager
+def turn_about_eye(camera: bpy.types.Object, turn_deg: float, about: bpy.types.Object | None = None) -> Iterator[None]:
+    """Turn an object clockwise about the vertical through the left eye, and back at the end.
+
+    ``about`` is the camera if the object is another: the housing of the cameras.
+    """
+    # A matrix put back is taken apart into other numbers, by a rounding error, and would pass for an edit.
+    pose = {key: tuple(getattr(camera, key)) for key in ("location", "rotation_euler", "rotation_quaternion",
+                                                         "rotation_axis_angle", "scale")}
+    if turn_deg:
+        turn, eye = Matrix.Rotation(-math.radians(turn_deg), 4, "Z"), (about or camera).matrix_world.translation
+        camera.matrix_world = Matrix.Translation(eye) @ turn @ Matrix.Translation(-eye) @ camera.matrix_world
+    try:
+        yield
+    finally:
+        for key, value in pose.items():
+            setattr(camera, key, value)

@@ -91,7 +91,7 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
         return group.law in _ROCK_LAWS[key]
     if topic == "dataset" and key == "plan":
         return str(group.plan).endswith(".toml")  # the button shows the title of a shipped plan
-    if topic == "quality" and key in ("direct_samples", "bake_samples", "bake_noise"):
+    if topic == "quality" and key in ("direct_samples", "bake_area", "bake_samples", "bake_noise"):
         return bool(group.indirect != "TRACED")
     if topic == "quality" and key == "fine_relief":
         return root.surface.model in _WITH_NORMAL or bool(root.rocks.own_surface

@@ -120,7 +120,7 @@ SECTIONS = (
         "radiation_flux_cm2_s", "radiation_depth_um", "radiation_e_per_um")),
     _advanced("sensor", "auto_percentile", "auto_target", "bracket_stops"),
     Section("quality", "indirect", "Indirect Light", "Light between parts of the ground, baked once for many images", (
-        "indirect", "direct_samples", "bake_samples", "bake_noise")),
+        "indirect", "direct_samples", "bake_area", "bake_samples", "bake_noise")),
     _advanced("quality", "noise_threshold", "diffuse_bounces", "walk_px", "fine_relief", "truth", "half_floats",
               "device", "threads"),
 )

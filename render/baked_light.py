@@ -3,7 +3,8 @@
 Light that Lambert ground gets from other ground does not depend on where it is seen from. Cycles bakes it to texels
 within the facets, from which the vertices get theirs (``baked_texels``), and images then take direct light only: fewer
 samples, and no denoiser. While it bakes, ground is smooth between its vertices, since a sample would meet one point of
-the relief. Light of the Sun and of the planet is baked apart, since both have a light group of their own.
+the relief. Light of the Sun and of the planet is baked apart, since both have a light group of their own. With
+``quality.bake_area`` VIEW only facets that the cameras may see get texels, and those around them.
 """
 
 from __future__ import annotations
@@ -24,20 +25,23 @@ import numpy as np
 from .. import compat
 from ..errors import IcyMoonError
 from ..files import sha256
-from ..labels import BAKED_ATTRIBUTES
+from ..labels import BAKED_ATTRIBUTES, NOT_BAKED
 from ..nodes.datablocks.fingerprint import added_objects
+from ..nodes.rig import turn_about_eye
 from ..nodes.scene import Built
 from ..number_text import show_rounded
 from ..physics.light import baked_texels
 from ..physics.light.baked_noise import noise_of, samples_needed
 from ..physics.light.baked_rocks import TERMS, fit
 from ..physics.random_numbers.seeds import generator, stream
+from ..physics.rig.seen_points import find_seen_facets, sides_passed
 from ..physics.scene_requirements import why_not_baked
 from ..settings import changes
 from ..typed_settings import Settings
 from . import baked_rocks, cycles_settings
 from .pairs import baked_file
 from .pairs.baked_file import BakedLight
+from .plans.planned_pair import PlannedPair
 from .workers.claims import Claims
 
 #: Raise this number when the same settings are baked in another way.
@@ -91,37 +95,45 @@ class Indirect:
         return {"method": "BAKED", "share": round(sum(share.values()), 5), "noise": round(noise, 5),
                 "lights": {group: kept.to_json(share[group]) for group, kept in self.lights.items()}}
 
-    def why_too_noisy(self, stated: dict[str, Any] | None, limit: float) -> str:
+    def why_unfit(self, stated: dict[str, Any] | None, limit: float) -> str:
         """Why an image must be traced after all, as a clause, by what ``to_json`` states of it; empty if it need not.
 
         The noise of baked light is fixed to the ground and passes for texture, so where much light is indirect it would
         make matching easier than it is. No ``limit`` is 0.
         """
-        if not self.lights or stated is None or not 0 < limit < stated["noise"]:
+        if not self.lights or stated is None:
+            return ""
+        if math.isnan(stated["share"]):
+            return ("the image shows ground to which no light was baked, as of an eye that moves far during the "
+                    "exposure; set quality.bake_area to GROUND")
+        if not 0 < limit < stated["noise"]:
             return ""
         return (f"baked light would have noise of {show_rounded(100 * stated['noise'])} % of the light, because "
                 f"{show_rounded(100 * stated['share'])} % of it is indirect, which is above quality.bake_noise; raise "
                 "quality.bake_samples")
 
 
-def provide(built: Built, scene: bpy.types.Scene, settings: Settings, dataset: Path, claims: Claims) -> Indirect:
-    """Put the baked light of a pair's settings on the built ground, from the data set's file if it is there.
+def provide(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: Path, claims: Claims) -> Indirect:
+    """Put the baked light of a planned pair on the built ground, from the data set's file if it is there.
 
     One process bakes it while others wait. Raises IcyMoonError if it cannot be baked or written.
     """
+    settings = planned.settings
     if settings.quality.indirect != "BAKED":
         return Indirect()
     if why := why_not_baked(settings) or _why_unsuitable(built):
         return Indirect(why_traced=why)
     lights, spent, mesh = {}, 0.0, built.terrain.data
     shining = _lights(built)
+    seen = find_seen(built, planned) if settings.quality.bake_area == "VIEW" else None
     for group in BAKED_ATTRIBUTES.keys() - shining.keys():
         _show(mesh, group, np.zeros((len(mesh.vertices), 3), np.float32))
         if built.rocks is not None:
             baked_rocks.show(built.rocks, group, np.zeros((len(built.rocks.data.vertices), TERMS, 3), np.float32))
     for group, dark in shining.items():
-        path, found, seconds = _find_or_bake(built, scene, settings, dataset, claims, group, dark)
-        _show(mesh, group, found.values)
+        path, found, seconds = _find_or_bake(built, scene, settings, dataset, claims, group, dark, seen)
+        _show(mesh, group, found.values if seen is None else
+              np.where(_vertices_of(mesh, seen)[:, None], found.values, np.float32(NOT_BAKED)))
         if built.rocks is not None:
             baked_rocks.show(built.rocks, group, found.rocks)
         lights[group] = KeptLight(found, path.relative_to(dataset).as_posix(), sha256(path))
@@ -139,11 +151,11 @@ def _lights(built: Built) -> dict[str, list[bpy.types.Object]]:
 
 
 def _find_or_bake(built: Built, scene: bpy.types.Scene, settings: Settings, dataset: Path, claims: Claims, group: str,
-                  dark: list[bpy.types.Object]) -> tuple[Path, BakedLight, float]:
+                  dark: list[bpy.types.Object], seen: np.ndarray | None) -> tuple[Path, BakedLight, float]:
     """The file of a light group's baked light, what it contains, and processor seconds that it took just now."""
     rocks = built.rocks
     sizes = len(built.terrain.data.vertices), len(rocks.data.vertices) if rocks is not None else 0
-    key = key_of(built, settings, group)
+    key = key_of(built, settings, group, seen)
     path = baked_file.path_of(dataset, key)
     found, spent = baked_file.read(path, key, *sizes), 0.0
     while found is None:
@@ -151,7 +163,7 @@ def _find_or_bake(built: Built, scene: bpy.types.Scene, settings: Settings, data
             # It may have been written meanwhile.
             found = baked_file.read(path, key, *sizes)
             if mine and found is None:
-                found = bake(built.terrain, scene, settings, group, dark, rocks)
+                found = bake(built.terrain, scene, settings, group, dark, rocks, seen)
                 spent = found.cpu_seconds
                 baked_file.write(path, key, found)
         if found is None:
@@ -175,40 +187,66 @@ def _why_unsuitable(built: Built) -> str:
     return f"facets of the ground have more than {most} corners" if totals.max(initial=0) > most else ""
 
 
-def key_of(built: Built, settings: Settings, group: str = "Sun") -> str:
-    """What baked light depends on, as 12 hexadecimal digits: ground, surface, lights, bounces, seed and samples, and
-    the light group.
+def find_seen(built: Built, planned: PlannedPair) -> np.ndarray:
+    """Which facets of the ground the cameras of a pair may see, bool (facets,)."""
+    mesh, camera = built.terrain.data, built.camera
+    positions = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", positions)
+    with turn_about_eye(camera, planned.turn_deg):
+        to_camera = np.array(camera.matrix_world.inverted() @ built.terrain.matrix_world)
+    right, up, back = (positions.reshape(-1, 3) @ to_camera[:3, :3].T + to_camera[:3, 3]).T
+    starts, _, corners, _ = _read_facets(mesh)
+    return find_seen_facets(sides_passed(planned.settings.rig, right, -up, -back), starts, corners)
+
+
+def _vertices_of(mesh: bpy.types.Mesh, facets: np.ndarray) -> np.ndarray:
+    """Which vertices are corners of some facets, bool (vertices,)."""
+    _, counts, corners, _ = _read_facets(mesh)
+    found = np.zeros(len(mesh.vertices), bool)
+    found[corners[np.repeat(facets, counts)]] = True
+    return found
+
+
+def key_of(built: Built, settings: Settings, group: str = "Sun", seen: np.ndarray | None = None) -> str:
+    """What baked light depends on, as 12 hexadecimal digits: ground, surface, lights, bounces, seed and samples, the
+    light group, and the facets that are ``seen`` if not all are to be baked.
 
     The mesh of a graded ground is made for the rig; otherwise neither heading, rig nor sensor count.
     """
     quality = settings.quality
     parts = [_SCHEME, compat.blender_series(), changes.scene(settings), changes.look(settings), changes.light(settings),
              quality.diffuse_bounces, quality.bake_samples, quality.bake_noise, built.extra, *_OTHERS[group]]
+    if seen is not None:
+        parts.append(hashlib.sha256(np.packbits(seen).tobytes()).hexdigest())
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:12]
 
 
 def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, group: str = "Sun",
-         dark: Sequence[bpy.types.Object] = (), rocks: bpy.types.Object | None = None) -> BakedLight:
+         dark: Sequence[bpy.types.Object] = (), rocks: bpy.types.Object | None = None,
+         seen: np.ndarray | None = None) -> BakedLight:
     """Bake the indirect light of a ground and its ``rocks`` by a light group, while the lamps of others are ``dark``,
     see ``BakedLight``.
 
-    In two halves of other seeds, whose difference is the noise: first with few samples, then with as many more as the
-    noise allows. Raises IcyMoonError if Cycles cannot bake.
+    Only vertices of facets that are ``seen`` (facets,) get light, and others have 0. It is baked in two halves of other
+    seeds, whose difference is the noise: first with few samples, then with as many more as the noise allows. Raises
+    IcyMoonError if Cycles cannot bake.
     """
     start = time.process_time()
     quality = settings.quality
     kept = scene.render.use_persistent_data, scene.render.use_multiview
     seeds = stream(int(settings.dataset.seed), "bake", *_OTHERS[group]).generate_state(5) >> 1
     mesh = terrain.data
-    triangles, numbers = _triangles(mesh), _NO_ROCKS
-    with _hidden(dark), _open_bake(terrain, scene, settings) as (found, bake_texels):
+    lit = np.ones(len(mesh.vertices), bool) if seen is None else _vertices_of(mesh, seen)
+    triangles = (np.cumsum(lit) - 1)[_triangles(mesh, seen)]  # by the order of the vertices that get light
+    numbers = _NO_ROCKS
+    with _hidden(dark), _open_bake(terrain, scene, settings, lit) as (found, bake_texels):
         covered = _covered(bake_texels, int(seeds[4])) if rocks is not None else None
 
         def run(kind: str, samples: int, seed: int) -> np.ndarray:
             texels = bake_texels(kind, samples, seed)
             if covered is None:
-                return baked_texels.gather(found, texels, len(mesh.vertices))
-            return baked_texels.gather_open(found, texels, covered, len(mesh.vertices))
+                return baked_texels.gather(found, texels, len(mesh.vertices))[lit]
+            return baked_texels.gather_open(found, texels, covered, len(mesh.vertices))[lit]
 
         direct = run("DIRECT", _DIRECT, int(seeds[4])).mean(dtype=np.float64)
         count = min(_FIRST, quality.bake_samples // 2)
@@ -223,8 +261,9 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, 
         with _hidden(dark):
             numbers = _bake_rocks(rocks, terrain, scene, settings, group, min(2 * count, _MOST_OF_ROCKS))
     scene.render.use_persistent_data, scene.render.use_multiview = kept
-    values = np.maximum((halves[0] + halves[1]) / 2, 0.0).astype(np.float32)
-    mean = float(values.mean(dtype=np.float64))
+    values = np.zeros((len(lit), 3), np.float32)
+    values[lit] = np.maximum((halves[0] + halves[1]) / 2, 0.0)
+    mean = float(values[lit].mean(dtype=np.float64)) if lit.any() else 0.0
     total = mean + float(direct)
     return BakedLight(values, numbers, noise_of(halves, triangles), mean / total if total > 0 else 0.0, 2 * count,
                       time.process_time() - start)
@@ -255,19 +294,20 @@ def _bake_rocks(rocks: bpy.types.Object, terrain: bpy.types.Object, scene: bpy.t
     points = baked_rocks.draw_points(rocks, random)
     used = baked_rocks.above_ground(points, terrain)
     seeds = random.integers(0, 2**31 - 1, 2)
-    with baked_rocks.stand_for(points, scene) as item, _open_bake(item, scene, settings) as (found, bake_texels):
+    every = np.ones(3 * len(points.rock), bool)
+    with baked_rocks.stand_for(points, scene) as item, _open_bake(item, scene, settings, every) as (found, bake_texels):
         used &= ~_covered(bake_texels, int(seeds[0]))[found.texels[0]].all(axis=1)
         light = bake_texels("INDIRECT", samples, int(seeds[1]))[found.texels[0], :3].mean(axis=1)
     return fit(points, light, used, len(rocks.data.vertices)).astype(np.float32)
 
 
 @contextmanager
-def _open_bake(item: bpy.types.Object, scene: bpy.types.Scene, settings: Settings) -> Iterator[
+def _open_bake(item: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, lit: np.ndarray) -> Iterator[
         tuple[baked_texels.Texels, Callable[[str, int, int], np.ndarray]]]:
-    """The texels of an object, and a function of kind, samples and seed that bakes light over pi to them (n, 4), while
-    the object has no fine relief."""
+    """The texels of an object around the vertices that are to be ``lit``, and a function of kind, samples and seed that
+    bakes light over pi to them (n, 4), while the object has no fine relief."""
     mesh, layer = item.data, scene.view_layers[0]
-    found = _lay_out(mesh)
+    found = _lay_out(mesh, lit)
     with ExitStack() as undo:
         image = _add_target(mesh, found, undo)
         for material in mesh.materials:
@@ -288,22 +328,30 @@ def _open_bake(item: bpy.types.Object, scene: bpy.types.Scene, settings: Setting
         yield found, run
 
 
-def _lay_out(mesh: bpy.types.Mesh) -> baked_texels.Texels:
-    """The texels of a mesh."""
+def _lay_out(mesh: bpy.types.Mesh, lit: np.ndarray) -> baked_texels.Texels:
+    """The texels of the facets around the vertices of a mesh that are to be ``lit``."""
+    starts, counts, corners, areas = _read_facets(mesh)
+    wanted = np.logical_or.reduceat(lit[corners], starts) if len(starts) else np.zeros(0, bool)
+    return baked_texels.lay_out(starts, counts, corners, areas, wanted)
+
+
+def _read_facets(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Of each facet its first corner, number of corners and, last, its area in m²; of each corner its vertex."""
     count = len(mesh.polygons)
     starts, corners, areas = np.empty(count, np.int32), np.empty(len(mesh.loops), np.int32), np.empty(count, np.float32)
     mesh.polygons.foreach_get("loop_start", starts)
     mesh.polygons.foreach_get("area", areas)
     mesh.loops.foreach_get("vertex_index", corners)
-    return baked_texels.lay_out(starts, np.diff(starts, append=len(corners)), corners, areas)
+    return starts, np.diff(starts, append=len(corners)), corners, areas
 
 
-def _triangles(mesh: bpy.types.Mesh) -> np.ndarray:
-    """Vertices of the triangles that a mesh is rendered as, (n, 3)."""
+def _triangles(mesh: bpy.types.Mesh, seen: np.ndarray | None) -> np.ndarray:
+    """Vertices of the triangles that a mesh, or facets of it that are ``seen``, is rendered as, (n, 3)."""
     mesh.calc_loop_triangles()
-    found = np.empty(3 * len(mesh.loop_triangles), np.int32)
+    found, facets = np.empty(3 * len(mesh.loop_triangles), np.int32), np.empty(len(mesh.loop_triangles), np.int32)
     mesh.loop_triangles.foreach_get("vertices", found)
-    return found.reshape(-1, 3)
+    mesh.loop_triangles.foreach_get("polygon_index", facets)
+    return found.reshape(-1, 3) if seen is None else found.reshape(-1, 3)[seen[facets]]
 
 
 def _add_target(mesh: bpy.types.Mesh, found: baked_texels.Texels, undo: ExitStack) -> bpy.types.Image:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import shutil
 import struct
 import time
@@ -15,7 +14,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-from mathutils import Matrix
 
 from .. import system
 from ..errors import DiskError, IcyMoonError
@@ -28,7 +26,7 @@ from ..labels import BEAUTY, ROUNDED, TRUTH
 from ..nodes.datablocks.fingerprint import built_objects
 from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
-from ..nodes.rig import eye_poses, lens_values
+from ..nodes.rig import eye_poses, lens_values, turn_about_eye
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.arm.lander_solids import HEAD
@@ -87,29 +85,10 @@ def _triangle_count(built: Built) -> int:
     return sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in meshes)
 
 
-@contextmanager
-def _turn_camera(camera: bpy.types.Object, turn_deg: float, about: bpy.types.Object | None = None) -> Iterator[None]:
-    """Turn an object clockwise about the vertical through the left eye, and back at the end.
-
-    ``about`` is the camera if the object is another: the housing of the cameras.
-    """
-    # A matrix put back is taken apart into other numbers, by a rounding error, and would pass for an edit.
-    pose = {key: tuple(getattr(camera, key)) for key in ("location", "rotation_euler", "rotation_quaternion",
-                                                         "rotation_axis_angle", "scale")}
-    if turn_deg:
-        turn, eye = Matrix.Rotation(-math.radians(turn_deg), 4, "Z"), (about or camera).matrix_world.translation
-        camera.matrix_world = Matrix.Translation(eye) @ turn @ Matrix.Translation(-eye) @ camera.matrix_world
-    try:
-        yield
-    finally:
-        for key, value in pose.items():
-            setattr(camera, key, value)
-
-
 def _turn_head(built: Built, turn_deg: float) -> AbstractContextManager[None]:
     """Turn what the cameras are in with them, if there is a lander."""
     head = built_objects(built.collection).get(ROLES[HEAD])
-    return _turn_camera(head, turn_deg, built.camera) if head is not None else nullcontext()
+    return turn_about_eye(head, turn_deg, built.camera) if head is not None else nullcontext()
 
 
 def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) -> None:
@@ -143,7 +122,7 @@ def render_pair(built: Built, scene: bpy.types.Scene, planned: PlannedPair, data
         part.mkdir(parents=True)
     try:
         found = _render_into(part, built, scene, planned, report, indirect)
-        if why := indirect.why_too_noisy(found.get("indirect"), planned.settings.quality.bake_noise):
+        if why := indirect.why_unfit(found.get("indirect"), planned.settings.quality.bake_noise):
             found = _render_into(part, built, scene, planned, report, Indirect(why_traced=why))
         found["seconds"]["build"] = round(seconds_build, 3)
         # Of all threads; "before" is what this process had spent: its start, the build, other pairs and their bakes.
@@ -208,7 +187,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     files: dict[str, dict[str, Path]] = {}
     shares: dict[str, dict[str, float]] = {}
     start = time.perf_counter()
-    with _turn_camera(built.camera, planned.turn_deg), _turn_head(built, planned.turn_deg):
+    with turn_about_eye(built.camera, planned.turn_deg), _turn_head(built, planned.turn_deg):
         cycles_settings.apply(scene, quality, planned.render_seed, blur is not None, clear_rocks(settings))
         if indirect.lights:
             scene.cycles.max_bounces = 0

@@ -94,7 +94,7 @@ def _render_one(source: FixedScene | ScenesFromSettings, planned: PlannedPair, d
         report(0.0)
         check(planned.settings, f"Pair {planned.id}")  # an earlier version may have accepted more
         built, scene, seconds_build = source.prepare(planned)
-        indirect = baked_light.provide(built, scene, planned.settings, dataset, claims)
+        indirect = baked_light.provide(built, scene, planned, dataset, claims)
         render_pair(built, scene, planned, dataset, seconds_build, report, partial(claims.is_lost, planned.id), again,
                     indirect)
     send("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,

@@ -1093,6 +1093,10 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
     Setting("direct_samples", "Direct Samples", 4,
             "Light paths per pixel and eye where indirect light is baked. There is no denoiser then",
             "sampling", "samples", 1, 65536, (1, 64)),
+    Setting("bake_area", "Bake Area", "GROUND", "Ground whose light is baked", "sampling",
+            choices=(("GROUND", "Whole Ground", "Images in all directions share it"),
+                     ("VIEW", "Seen Ground", "What the cameras see. Takes a part of the time, but only images from one "
+                      "place in one direction share it, so for few images"))),
     Setting("bake_samples", "Bake Samples", 256,
             "Maximum number of light paths per corner of the ground's mesh for baked light. Fewer are taken where "
             "quality.bake_noise is reached before", "sampling", "samples", 4, 65536, (16, 1024)),

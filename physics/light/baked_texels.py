@@ -19,6 +19,8 @@ import numpy as np
 MOST_CORNERS = 4
 #: Texels of a facet: a square of so many a side, of which a triangle uses three.
 _SIDE = 2
+#: Where corners are that get no texels: no texel is there.
+_OUTSIDE = -1.0
 #: Degrees by which the square of a quadrilateral is turned, so that no texel is on its diagonals.
 _TURN_DEG = 5.0
 #: Corners of a triangle in its square, so that the texels are at barycentric coordinates of 2/3, 1/6 and 1/6.
@@ -50,21 +52,25 @@ class Texels:
     areas: tuple[np.ndarray, np.ndarray]
 
 
-def lay_out(starts: np.ndarray, counts: np.ndarray, corners: np.ndarray, areas: np.ndarray) -> Texels:
+def lay_out(starts: np.ndarray, counts: np.ndarray, corners: np.ndarray, areas: np.ndarray,
+            wanted: np.ndarray) -> Texels:
     """The texels of a mesh: of each facet its first corner, number of corners and area; of each corner its vertex.
 
-    Raises ValueError for a facet with more than four corners.
+    Facets that are not ``wanted`` (facets,) get none, and their corners are outside of the image. Raises ValueError for
+    a facet with more than four corners.
     """
     if len(counts) and (counts.min() < 3 or counts.max() > MOST_CORNERS):
         raise ValueError("A facet has more than four corners.")
-    columns = max(1, math.ceil(math.sqrt(len(counts))))
+    count = int(wanted.sum())
+    columns = max(1, math.ceil(math.sqrt(count)))
     side = columns * _SIDE
-    square = np.stack(np.divmod(np.arange(len(counts)), columns)[::-1], axis=-1) * _SIDE
-    places = np.zeros((len(corners), 2), np.float32)
+    square = np.zeros((len(counts), 2), np.int64)
+    square[wanted] = np.stack(np.divmod(np.arange(count), columns)[::-1], axis=-1) * _SIDE
+    places = np.full((len(corners), 2), _OUTSIDE, np.float32)
     vertices, texels, of_kind = [], [], []
-    for count, shape, nearest in ((3, _TRIANGLE, _NEAREST[_OF_TRIANGLE]), (4, _turned_square(), _NEAREST)):
-        chosen = np.flatnonzero(counts == count)
-        rows = starts[chosen, None] + np.arange(count)
+    for sides, shape, nearest in ((3, _TRIANGLE, _NEAREST[_OF_TRIANGLE]), (4, _turned_square(), _NEAREST)):
+        chosen = np.flatnonzero((counts == sides) & wanted)
+        rows = starts[chosen, None] + np.arange(sides)
         places[rows] = (square[chosen, None] + shape) / side
         at = square[chosen, None] + nearest
         vertices.append(corners[rows])

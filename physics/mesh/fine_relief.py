@@ -37,8 +37,6 @@ _MOST_CARRIED = 0.95
 CARRIED = 1.0 / 1.5
 #: Parts into which sides of triangles are cut for it, the fewer where the vertices would be too many.
 PARTS = 3
-#: Share of the image by which what the cameras see is taken larger: tilted ground, eyes that turn or move.
-_MARGIN = 0.05
 #: Settings of the surface on which a mesh with fine relief depends, and those of the rig besides those of any graded
 #: mesh.
 OF_THE_SURFACE = ("relief", "grain_size_m", "grain_amplitude_m")
@@ -114,24 +112,6 @@ def relief_in_mesh(settings: Settings, pixels_per_radian: float) -> FineRelief |
     if farthest <= nearest_m(settings.rig) and not everywhere:
         return None
     return FineRelief(farthest, PARTS, _SPACING * max(error_px, 1.0), everywhere)
-
-
-def is_seen(rig: RigSettings, east_m: np.ndarray, north_m: np.ndarray, above_m: np.ndarray) -> np.ndarray:
-    """Whether either eye of the rig has points in its frame or near it.
-
-    The points (n,) are metres east and north of the left eye and above it (most often negative).
-    """
-    heading, pitch = math.radians(rig.heading_deg), math.radians(rig.pitch_deg)
-    right = east_m * math.cos(heading) - north_m * math.sin(heading)
-    ahead = east_m * math.sin(heading) + north_m * math.cos(heading)
-    depth = ahead * math.cos(pitch) - above_m * math.sin(pitch)
-    down = -ahead * math.sin(pitch) - above_m * math.cos(pitch)
-    scale = 1.0 / focal_px(rig)
-    larger = (1.0 + 2.0 * (rig.overscan + _MARGIN)) / 2.0
-    wide = scale * (larger * rig.width_px + abs(rig.principal_x_px)) + math.tan(math.radians(abs(rig.toe_in_deg)))
-    high = scale * (larger * rig.height_px + abs(rig.principal_y_px))
-    return np.asarray((depth > 0.0) & (np.abs(down) < high * depth) & (right > -wide * depth)
-                      & (right < wide * depth + rig.baseline_m))
 
 
 def is_real(settings: Settings) -> bool:

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from ...typed_settings import RigSettings, Settings
+from ..rig.seen_points import is_seen
 from ..terrain.landforms import Walls
 from ..terrain.terrain import Terrain
 from .broken_walls import BEFORE, break_walls, breaks_walls
 from .cut_lines import Line, cut_along
-from .fine_relief import PARTS, carried_share, is_seen, nearest_m
+from .fine_relief import PARTS, carried_share, nearest_m
 from .grading import CARRIED, Grading, grade
 from .horizon import drop_m
 from .split_triangles import split_triangles

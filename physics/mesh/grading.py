@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 
 from ...typed_settings import RigSettings, Settings
+from ..rig.seen_points import is_seen
 from ..terrain.terrain import Terrain
-from .fine_relief import FineRelief, is_seen, relief_in_mesh
+from .fine_relief import FineRelief, relief_in_mesh
 from .horizon import horizon_m
 from .vertex_rings import RINGS_APART, Rings
 

@@ -178,11 +178,12 @@ class _Shortcut:
     whole: str
 
 
-def baked_settings(settings: Settings) -> dict[str, Settings]:
-    """The ways to bake the light of a scene, by name; none if it cannot be baked."""
+def baked_settings(settings: Settings, area: str = "GROUND") -> dict[str, Settings]:
+    """The ways to bake the light of a scene to a ``quality.bake_area``, by name; none if it cannot be baked."""
+    where = "baked where seen" if area == "VIEW" else "baked"
     return {} if why_not_baked(settings) else {
-        f"baked by {_counted(most, 'sample')}, {_counted(n, 'direct sample')}": merged(settings, {"quality": {
-            "indirect": "BAKED", "bake_samples": most, "bake_noise": 0.0, "direct_samples": n}})
+        f"{where} by {_counted(most, 'sample')}, {_counted(n, 'direct sample')}": merged(settings, {"quality": {
+            "indirect": "BAKED", "bake_area": area, "bake_samples": most, "bake_noise": 0.0, "direct_samples": n}})
         for most in _BAKE_SAMPLES for n in _DIRECT_SAMPLES}
 
 
@@ -252,22 +253,23 @@ def candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> l
     """Ways to compute the light, cheapest first by what each is expected to cost: for a search that stops at the first
     one that is good enough. Left out are those that a Blender that is no more than ``able`` cannot render.
 
-    ``images`` are those of a ground under one Sun, which share what it takes to bake its light; one image alone is
-    never baked.
+    ``images`` are those of a ground under one Sun, which share what it takes to bake its light; for one image alone it
+    is baked only where it is seen.
     """
     found = [Variant("auto", f"{_counted(n, 'sample')}{text}", merged(settings, {"quality": {
         "samples": n, "denoiser": denoiser, "noise_threshold": 0.0, **_TRACED}}))
         for denoiser, text in _DENOISERS.items() if denoiser != "OIDN_COLOUR"
         for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
-    if images > 1:
-        found += [Variant("auto", name, each) for name, each in baked_settings(settings).items()]
+    area = "GROUND" if images > 1 else "VIEW"
+    found += [Variant("auto", name, each) for name, each in baked_settings(settings, area).items()]
     return sorted((variant for variant in found if not lack_for(variant.settings, able)),
                   key=lambda variant: _seconds(variant.settings, images))
 
 
 def _seconds(settings: Settings, images: int) -> float:
     """Processor seconds of an image, with its share of what is baked."""
-    bake = bake_seconds(settings) / images if is_baked(settings) else 0.0
+    shared = images if settings.quality.bake_area == "GROUND" else 1
+    bake = bake_seconds(settings) / shared if is_baked(settings) else 0.0
     return work_of(settings).seconds(0.0) + bake
 
 

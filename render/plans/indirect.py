@@ -10,8 +10,11 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 
+import numpy as np
+
 from ...physics.light.baked_rocks import POINTS
 from ...physics.mesh.grading import grade
+from ...physics.rig.seen_points import is_seen
 from ...physics.rocks.rocks import LEVEL_RANKS
 from ...physics.rocks.size_laws import size_law
 from ...physics.rocks.table import TABLE
@@ -32,6 +35,8 @@ _DIRECT_S, _BOUNCE_S, _DENOISE_S = 1.76, 0.17, 3.5
 _OF_A_QUAD, _OF_TRIANGLES = 4.0, 6.0
 #: Paths from a point of a rock: three texels with their samples.
 _OF_A_POINT = 72.0
+#: Points along a side of a uniform grid of which it is counted how many are seen, at most.
+_MOST_TRIED = 129
 
 
 def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
@@ -53,8 +58,9 @@ def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
 def light_key(settings: Settings) -> str:
     """A text that is equal for pairs that can share baked light."""
     quality = settings.quality
+    seen = [changes.camera(settings)] if quality.bake_area == "VIEW" else []
     return json.dumps([changes.scene(settings), changes.look(settings), changes.light(settings),
-                       quality.diffuse_bounces, quality.bake_samples, quality.bake_noise])
+                       quality.diffuse_bounces, quality.bake_samples, quality.bake_noise, *seen])
 
 
 def break_even(settings: Settings) -> int:
@@ -73,9 +79,18 @@ def bake_seconds(settings: Settings) -> float:
 
 
 def _count_corners(settings: Settings) -> float:
+    """Corners to which light is baked, with ``quality.bake_area`` VIEW as if the ground were level."""
+    terrain, rig = settings.terrain, settings.rig
     if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
-        return _OF_TRIANGLES * grade(make_terrain(settings, int(settings.dataset.seed)), settings).rings.vertices
-    return _OF_A_QUAD * settings.terrain.resolution ** 2
+        of_a_vertex, rings = _OF_TRIANGLES, grade(make_terrain(settings, int(settings.dataset.seed)), settings).rings
+        vertices, (east, north) = rings.vertices, rings.map_positions()
+    else:
+        of_a_vertex, vertices = _OF_A_QUAD, terrain.resolution ** 2
+        across = np.linspace(-terrain.size_m / 2, terrain.size_m / 2, min(terrain.resolution, _MOST_TRIED))
+        east, north = (each.ravel() for each in np.meshgrid(across - rig.x_m, across - rig.y_m))
+    if settings.quality.bake_area == "VIEW":
+        return float(of_a_vertex * vertices * is_seen(rig, east, north, np.full(len(east), -rig.height_m)).mean())
+    return of_a_vertex * vertices
 
 
 def _count_points(settings: Settings) -> float:

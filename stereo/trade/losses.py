@@ -135,11 +135,18 @@ def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Met
 
 def _cost(renders: Sequence[Loaded], images: int = 1) -> dict[str, Any]:
     facts = [render.pair.data for render in renders]
-    cpu = [sum(each["cpu_seconds"].values()) + each.get("indirect", {}).get("cpu_seconds_of_bake", 0.0) / images
-           for each in facts if "cpu_seconds" in each]
+    cpu = [sum(each["cpu_seconds"].values()) + _bake_seconds(render) / (
+        images if render.pair.settings.quality.bake_area == "GROUND" else 1)
+        for each, render in zip(facts, renders, strict=True) if "cpu_seconds" in each]
     return {"cpu_s": _mean(cpu), "cpu_range": [min(cpu), max(cpu)] if cpu else None,
             "wall_s": _mean([sum(each.get("seconds", {}).values()) for each in facts]),
             "memory_mib": max((each["peak_memory_mib"] for each in facts if each.get("peak_memory_mib")), default=None)}
+
+
+def _bake_seconds(render: Loaded) -> float:
+    """Processor seconds of baking the light that a pair was rendered with."""
+    lights = render.pair.data.get("indirect", {}).get("lights", {})
+    return sum(float(light["cpu_seconds_of_bake"]) for light in lights.values())
 
 
 def _radiance(renders: Sequence[Loaded], reference: Reference) -> dict[str, float | None]:

@@ -137,6 +137,17 @@ def test_baked_light_is_added_to_the_image_and_its_share_is_known(tmp_path, seve
         add_baked((tmp_path / "view.exr").read_bytes())
 
 
+def test_a_pixel_without_baked_light_makes_the_share_unknown(tmp_path):
+    direct = np.ones((4, 5, 3), np.float32)
+    baked = direct.copy()
+    baked[2, 3] = -1e20
+    write(tmp_path / "view.exr", {"Beauty.Combined": direct, "Beauty.Baked": baked}, True, OpenEXR.ZIP_COMPRESSION)
+    before = (tmp_path / "view.exr").read_bytes()
+    added, shares = add_baked(before)
+    assert np.isnan(shares["Sun"])
+    assert added == before
+
+
 @pytest.mark.parametrize("several", [True, False])
 def test_baked_light_of_sun_and_planet_is_added_to_the_light_groups_too(tmp_path, several):
     random = np.random.default_rng(4)

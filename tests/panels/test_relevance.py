@@ -126,7 +126,7 @@ IDLE = {"transmitted", "bubble_radius_m", "bubble_band_m", "fracture_spacing_m",
         "crust_roughness", "albedo_patch_m", "subsurface_radius_m", "subsurface_method", "salt_patch_m", "salt_red",
         "salt_green", "salt_blue", "glint_size_m", "snow_grain_m", "dirt", "dirt_patch_m", "salt"}
 #: What only baked light uses.
-_BAKING = {"direct_samples", "bake_samples", "bake_noise"}
+_BAKING = {"direct_samples", "bake_area", "bake_samples", "bake_noise"}
 #: What a state of the settings leaves of a topic: all keys but those named, or those named alone.
 CASES = [
     ("terrain", {}, "but", {"resolution"}), ("terrain", {"mesh": {"kind": "GRID"}}, "but", {"body_radius_m"}),

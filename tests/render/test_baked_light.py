@@ -155,7 +155,7 @@ def test_a_worker_waits_for_the_bake_of_another(registered, tmp_path):
 
         worker = threading.Thread(target=finish)
         worker.start()
-        found = baked_light.provide(built, scene, pair.settings, tmp_path, ours)
+        found = baked_light.provide(built, scene, pair, tmp_path, ours)
         worker.join()
         ours.close()
         assert np.array_equal(found.lights["Sun"].light.values, made.values)
@@ -176,6 +176,60 @@ def test_noise_over_the_ground_is_kept_below_the_bound_with_room_for_images_of_m
 def test_rotated_rigs_share_a_bake_and_other_suns_do_not(registered, tmp_path):
     run(tmp_path, [*planned(), *planned({"light": {"sun_elevation_deg": 30.0}, "dataset": {"headings": 1}})])
     assert len(list((tmp_path / "light").iterdir())) == 2
+
+
+VIEW: dict[str, Any] = {"quality": {"bake_area": "VIEW"}}
+
+
+def test_light_that_is_baked_where_it_is_seen_is_that_of_the_whole_ground(registered, tmp_path):
+    """Each direction has a bake of its own, of some of the vertices, with other random numbers: the means of images
+    agree within the noise of both."""
+    few = {"dataset": {"headings": 2}, "quality": {"bake_samples": 64, "direct_samples": 16}}
+    pairs, whole = planned(few, VIEW), planned(few)
+    run(tmp_path, pairs + whole)
+    files = {stated(pair, tmp_path)["indirect"]["lights"]["Sun"]["file"] for pair in [*pairs, *whole]}
+    assert len(files) == 3
+    for one, other in zip(pairs, whole, strict=True):
+        told, all_of_it = (stated(each, tmp_path)["indirect"] for each in (one, other))
+        noise = math.hypot(told["noise"], all_of_it["noise"])
+        light = light_of(other, tmp_path).mean()
+        assert light_of(one, tmp_path).mean() == pytest.approx(light, rel=noise)
+        with np.load(tmp_path / told["lights"]["Sun"]["file"]) as found, \
+                np.load(tmp_path / all_of_it["lights"]["Sun"]["file"]) as of_all:
+            baked = found["values"].any(axis=1)
+            assert 0.02 < baked.mean() < 0.5
+            assert found["values"][baked].mean() == pytest.approx(of_all["values"][baked].mean(), rel=0.05)
+
+
+def test_a_turned_camera_has_the_light_of_where_it_looks(registered, tmp_path):
+    """The camera of a scene that is kept is turned only while it renders."""
+    pairs = planned(VIEW)
+    with ScenesFromSettings(lambda warning: None) as source:
+        built, _, _ = source.prepare(pairs[0])
+        straight = baked_light.find_seen(built, pairs[0])
+        turned = baked_light.find_seen(built, PlannedPair(pairs[1].id, pairs[1].settings, 180.0))
+        built, _, _ = source.prepare(pairs[1])
+        opposite = baked_light.find_seen(built, pairs[1])
+    assert np.array_equal(turned, opposite)
+    assert (straight & opposite).mean() < 0.01 < straight.mean()
+
+
+def test_an_image_that_shows_ground_without_baked_light_is_traced(registered, tmp_path, monkeypatch):
+    find = baked_light.find_seen
+
+    def lose(*of: Any) -> np.ndarray:
+        found = find(*of)
+        seen = np.flatnonzero(found)
+        found[seen[len(seen) // 2:]] = False
+        return found
+
+    monkeypatch.setattr(baked_light, "find_seen", lose)
+    pair, = planned(VIEW, {"dataset": {"headings": 1}})
+    run(tmp_path, [pair])
+    told = stated(pair, tmp_path)["indirect"]
+    assert told["method"] == "TRACED"
+    assert "quality.bake_area" in told["why"]
+    assert (light_of(pair, tmp_path) >= 0).all()
 
 
 def test_what_cannot_be_baked_is_traced_and_states_why(registered, tmp_path):

@@ -11,8 +11,8 @@ CORNERS, COUNTS = np.array([0, 1, 2, 3, 1, 4, 2, 4, 5, 6, 2]), np.array([4, 3, 4
 AREAS, VERTICES = np.array([1.0, 2.0, 3.0]), 7
 
 
-def mesh() -> Texels:
-    return lay_out(np.array([0, 4, 7]), COUNTS, CORNERS, AREAS)
+def mesh(*wanted: bool) -> Texels:
+    return lay_out(np.array([0, 4, 7]), COUNTS, CORNERS, AREAS, np.array(wanted or (True, True, True)))
 
 
 def image_of(found: Texels, light: np.ndarray) -> np.ndarray:
@@ -31,6 +31,17 @@ def test_each_corner_has_a_texel_of_its_own_inside_its_facet():
     at = np.stack([found.texels[0][0] % found.side, found.texels[0][0] // found.side], axis=-1) + 0.5
     weights = np.linalg.solve(np.column_stack([first, np.ones(3)]).T, np.column_stack([at, np.ones(3)]).T).T
     assert weights == pytest.approx((np.eye(3) * 3 + 1) / 6, abs=1e-5)
+
+
+def test_facets_that_are_not_wanted_have_no_texels_and_are_outside_of_the_image():
+    found = mesh(True, False, True)
+    assert [each.shape for each in found.texels] == [(0, 3), (2, 4)]
+    assert len(np.unique(found.texels[1])) == 8
+    assert found.texels[1].max() < found.side**2
+    assert (found.places[4:7] < 0.0).all()
+    inside = np.delete(found.places, [4, 5, 6], axis=0)
+    assert ((inside > -0.1) & (inside < 1.1)).all()  # a turned square is a little larger than its texels
+    assert mesh(False, False, False).areas[0].size == 0
 
 
 @pytest.mark.parametrize("diagonal", [(0, 2), (1, 3)])
@@ -67,7 +78,7 @@ def test_texels_that_were_not_baked_do_not_count():
 
 def test_facets_of_more_than_four_corners_are_refused():
     with pytest.raises(ValueError, match="four corners"):
-        lay_out(np.array([0]), np.array([5]), np.arange(5), np.array([1.0]))
+        lay_out(np.array([0]), np.array([5]), np.arange(5), np.array([1.0]), np.array([True]))
 
 
 def test_covered_texels_do_not_count_and_what_is_covered_has_the_light_beside_it():

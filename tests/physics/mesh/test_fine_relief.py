@@ -9,6 +9,7 @@ import pytest
 from icymoon.physics.mesh import fine_relief
 from icymoon.physics.mesh.graded_ground import grade_ground
 from icymoon.physics.mesh.grading import fine_relief_of, view_of
+from icymoon.physics.rig.seen_points import is_seen
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import changes, description
 
@@ -96,7 +97,7 @@ def _middles(settings, made):
     east, north = middles[:, 0], middles[:, 1]
     away = np.hypot(east, north)
     above = middles[:, 2] - made.positions[0, 2] - settings.rig.height_m
-    return middles, (away > 1.0) & (away < 50.0) & fine_relief.is_seen(settings.rig, east, north, above)
+    return middles, (away > 1.0) & (away < 50.0) & is_seen(settings.rig, east, north, above)
 
 
 def _off_the_ground(settings):
@@ -146,15 +147,6 @@ def test_a_mesh_may_be_too_large_to_be_finer_and_says_so():
     (sentence,) = ground.advice(settings)
     assert "mesh.most" in sentence
     assert "mesh.seen" in sentence
-
-
-def test_points_are_seen_from_the_place_that_the_image_shows():
-    rig = described({"rig": {"pitch_deg": 0.0, "heading_deg": 90.0}}).rig
-    half = rig.sensor_width_mm / rig.focal_length_mm / 2
-    east = np.full(5, 10.0)
-    north = -east * half * np.array([-1.3, -0.9, 0.0, 0.9, 1.3])  # south is to the right of east
-    assert fine_relief.is_seen(rig, east, north, np.zeros(5)).tolist() == [False, True, True, True, False]
-    assert not fine_relief.is_seen(rig, -east, north, np.zeros(5)).any()
 
 
 def test_displacement_that_loses_relief_says_how_much():

@@ -231,7 +231,7 @@ LAMBERT = ("surface.model=LAMBERT", "rocks.coverage=0", "mesh.kind=GRID", "light
            "light.stars=false", "light.directions_from=ANGLES", "terrain.resolution=129")
 
 
-def test_light_is_baked_where_it_can_be_and_by_a_search_for_many_images():
+def test_light_is_baked_where_it_can_be_for_one_image_where_it_is_seen():
     able = scene("europa_rough_ice", *LAMBERT)
     baked = {name: each["quality"] for name, each in of_group(able, "indirect").items() if name != "traced"}
     assert {(each.bake_samples, each.direct_samples) for each in baked.values()} == {
@@ -239,7 +239,9 @@ def test_light_is_baked_where_it_can_be_and_by_a_search_for_many_images():
     assert {each.indirect for each in baked.values()} == {"BAKED"}
     with pytest.raises(IcyMoonError, match="nothing to vary in indirect"):
         variants(scene("europa_rough_ice"), ["indirect"])
-    assert not any(each.settings.quality.indirect == "BAKED" for each in candidates(able))
+    assert {each.bake_area for each in baked.values()} == {"GROUND"}
+    alone = [each.settings.quality for each in candidates(able) if each.settings.quality.indirect == "BAKED"]
+    assert {each.bake_area for each in alone} == {"VIEW"}
     many = [each.settings.quality for each in candidates(able, images=36)]
     assert [each.indirect for each in many].count("BAKED") == len(baked)
     # Shared by 36, a bake and one direct sample cost less than a few traced samples.

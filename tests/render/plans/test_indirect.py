@@ -42,6 +42,20 @@ def test_images_of_other_grounds_and_suns_do_not_count():
     assert {each.quality.indirect for each in choose_indirect(seen)} == {"BAKED"}
 
 
+def test_light_that_is_baked_where_it_is_seen_pays_for_one_image_and_is_not_shared():
+    """A fifth of the ground is seen: the bake of it with 64 samples takes less than tracing one image."""
+    seen = {"quality": {"bake_area": "VIEW", "bake_samples": 64}}
+    part = bake_seconds(described(seen)) / bake_seconds(described({"quality": {"bake_samples": 64}}))
+    assert 0.1 < part < 0.4
+    assert break_even(described(seen)) == 1
+    assert headings(described(seen), 1) == ["BAKED"]
+    dear = {"quality": {"bake_area": "VIEW", "bake_samples": 1024}}
+    assert break_even(described(dear)) > 1
+    assert set(headings(described(dear), 36)) == {"TRACED"}  # each image has its own bake
+    alike = [described(dear, {"sensor": {"full_well_e": 9000.0 + k}}) for k in range(break_even(described(dear)))]
+    assert {each.quality.indirect for each in choose_indirect(alike)} == {"BAKED"}
+
+
 def test_fewer_samples_than_direct_light_takes_are_never_baked():
     settings = described({"quality": {"samples": 2, "denoiser": "NONE", "direct_samples": 4}})
     assert break_even(settings) == 0

@@ -50,6 +50,17 @@ def test_the_same_images_lose_nothing(truth, tmp_path):
         assert found["loss"][method.label]["epe_px"] == found["loss_doubt"][method.label]["epe_px"] == 0
 
 
+@pytest.mark.parametrize(("area", "images", "bake_s"), [("GROUND", 1, 12.0), ("GROUND", 4, 3.0), ("VIEW", 4, 12.0)])
+def test_a_bake_is_shared_by_the_images_of_its_ground_but_not_of_its_view(truth, tmp_path, area, images, bake_s):
+    (folder,) = folders(tmp_path, "baked", 1)
+    data = json.loads((folder / "pair.json").read_text())
+    data["indirect"] = {"method": "BAKED", "share": 0.2, "noise": 0.0, "lights": {
+        "Sun": {"cpu_seconds_of_bake": 10.0}, "Planet": {"cpu_seconds_of_bake": 2.0}}}
+    data["settings"].setdefault("quality", {})["bake_area"] = area
+    (folder / "pair.json").write_text(json.dumps(data))
+    assert measure([folder], truth, METHODS, images)["cpu_s"] == pytest.approx(3.0 + bake_s)
+
+
 def test_noise_is_separated_from_bias(truth, tmp_path):
     # Radiance times 1 + s N(0, 1) has the noise s rms(L) / mean(L); the standard deviation of an estimate from n
     # pixels and two renders is 1 / sqrt(2 n) of it, for n = 36864 under half a per cent: 3 % is six of them.
