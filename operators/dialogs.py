@@ -12,7 +12,7 @@ class SearchDialog:
         if self.properties.is_property_set(self.bl_property):  # type: ignore[attr-defined]
             return self.execute(context)  # type: ignore[attr-defined,no-any-return]
         context.window_manager.invoke_search_popup(self)  # type: ignore[arg-type]
-        return {"RUNNING_MODAL"}
+        return {"INTERFACE"}  # as Blender's own searches; a running operator would never be freed
 
 
 class FileDialog:

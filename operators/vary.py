@@ -126,7 +126,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         if not self.properties.is_property_set("setting"):
             context.window_manager.invoke_search_popup(self)
-            return {"RUNNING_MODAL"}
+            return {"INTERFACE"}  # as Blender's own searches; a running operator would never be freed
         self._complete(context.scene.icymoon)
         return set(context.window_manager.invoke_props_dialog(self, title=f"Vary {label_of(self.setting)}"))
 
