@@ -137,7 +137,7 @@ def test_warnings_about_the_fine_ground_stay_in_the_panel_until_a_setting_change
     reported = scenes.build(bpy.data.scenes.new("Other"), settings()).warnings  # what Build Scene reports
     assert len(reported) == 1
     assert told == plain(reported[0])
-    assert "Mesh > " in told
+    assert "Mesh ▸ " in told
     assert "mesh." not in told
     watched.icymoon.light.sun_elevation_deg = 33.0
     live_preview.show_waiting()

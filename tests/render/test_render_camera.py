@@ -287,7 +287,7 @@ def test_panel_and_build_say_what_truth_is_of_and_the_panel_how_blurred_and_how_
     assert max(len(part) for line in lines for part in sidebar_text.in_lines(line, icon=True)) <= sidebar_text.LINE - 4
     assert any("pinhole in the middle" in text for text in build(empty_scene(), moving).warnings)
     unknown = complete({"rig": {"roll_deg_s": 1.0}})
-    assert "Stereo Camera > Exposure" in " ".join(sidebar_text.camera_notes(unknown))
+    assert "Stereo Camera ▸ Exposure" in " ".join(sidebar_text.camera_notes(unknown))
     with pytest.raises(IcyMoonError, match="motion_exposure_s"):
         expand_headings(unknown)
 

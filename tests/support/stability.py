@@ -37,11 +37,14 @@ SIZE: Parts = {"mesh": {"most": 20_000}, "quality": {"samples": 32, "denoiser": 
         "surface": {"grain_patchiness": 0.0, "face_variation": 0.0, "patch_raggedness": 0.0}}
 _NIGHT = {"sun_elevation_deg": -20.0, "sun_azimuth_deg": 30.0, "planet": True, "planet_elevation_deg": 40.0,
           "planet_azimuth_deg": 200.0}
+#: The rocks of the block field before they were broken ice.
+_SOLIDS = {"family": "MIXED", "angularity": 0.7, "tilt_deg": 15.0, "burial": 0.25}
 #: A scene preset and what is changed in it.
 SCENES: dict[str, tuple[str, Parts]] = {"snow": ("enceladus_fresh_snow", {"quality": {"walk_px": 0.0}}),
           "hapke of OSL": ("europa_ridged_plain_hapke", {"hapke": {"backend": "OSL"}}),
           "hapke of nodes": ("europa_ridged_plain_hapke", {"hapke": {"backend": "NODES"}}),
-          "planetshine": ("enceladus_block_field", {"surface": {"model": "LAMBERT"}, "light": _NIGHT})}
+          "planetshine": ("enceladus_block_field", {
+              "surface": {"model": "LAMBERT"}, "light": _NIGHT, "rocks": _SOLIDS})}
 _REGIONS = (3, 4)  # rows and columns that an image is divided into
 _VERTICES, _ROWS, _COLUMNS = 41, slice(3, None, 7), slice(3, None, 8)  # of which single numbers are kept
 
