@@ -107,13 +107,13 @@ def ladder() -> list[Rung]:
             Rung("Lambert, same albedo", plain),
             Rung(LAMBERT, camera),
             Rung("7 samples", _with_quality(camera, {"samples": 7})),
-            *(Rung(f"light baked by {most}, {n} direct samples", _with_quality(camera, {
-                "indirect": "BAKED", "bake_samples": most, "bake_noise": 0.0, "direct_samples": n}))
-              for most, n in ((16, 4), (64, 2), (64, 4), (256, 2), (256, 4))),
-            *(Rung(f"light baked where seen by {most}, {n} direct samples", _with_quality(camera, {
-                "indirect": "BAKED", "bake_area": "VIEW", "bake_samples": most, "bake_noise": 0.0,
+            *(Rung(f"light {how} by {most}, {n} direct samples", _with_quality(camera, {
+                "indirect": "BAKED", "bake_area": area, "bake_samples": most, "bake_noise": 0.0,
                 "direct_samples": n}))
-              for most, n in ((64, 2), (64, 4), (128, 2), (256, 2))),
+              for how, area, numbers in (
+                  ("baked", "GROUND", ((16, 4), (64, 2), (64, 4), (256, 2), (256, 4))),
+                  ("baked where seen", "VIEW", ((64, 2), (64, 4), (128, 2), (256, 2))))
+              for most, n in numbers),
             Rung("graded mesh of 4 px: finer ground", {
                 **camera, "mesh": {"kind": "GRADED", "error_px": 4.0, "edge_px": 24.0}})]
 

@@ -23,9 +23,8 @@ def _find_bands(parts: list[Pixels], wanted: str) -> dict[str, tuple[int, int]]:
             if name.startswith(f"{wanted}.") and name[-2:] in (".R", ".G", ".B")}
 
 
-def _read_bands(image: bytes, wanted: str) -> dict[str, np.ndarray]:
+def _read_bands(parts: list[Pixels], wanted: str) -> dict[str, np.ndarray]:
     """The bands R, G and B of a pass, each (height, width) float32. Raises KeyError if there is none."""
-    parts = [Pixels(piece) for piece in read_pieces(image)]
     found = _find_bands(parts, wanted)
     decoded = {number: parts[number].decode() for number, _ in found.values()}
     return {band: decoded[found[band][0]][:, found[band][1]] for band in "RGB"}
@@ -36,7 +35,7 @@ def add_planet(image: bytes, planet: bytes) -> bytes:
 
     Raises ValueError, IndexError, KeyError, struct.error or zlib.error for what cannot be added.
     """
-    light = _read_bands(planet, _PLANET)
+    light = _read_bands([Pixels(piece) for piece in read_pieces(planet)], _PLANET)
     return _add(image, {_IMAGE: light, _PLANET: light})[0]
 
 
@@ -49,11 +48,11 @@ def add_baked(image: bytes) -> tuple[bytes, dict[str, float]]:
     """
     parts = [Pixels(piece) for piece in read_pieces(image)]
     there = [group for group, name in BAKED_AOVS.items() if _find_bands(parts, f"{BEAUTY}.{name}")]
-    light = {group: _read_bands(image, f"{BEAUTY}.{BAKED_AOVS[group]}") for group in there or BAKED_AOVS}
-    added = {f"{BEAUTY}.Combined_{group}": bands for group, bands in light.items()
-             if _find_bands(parts, f"{BEAUTY}.Combined_{group}")}
+    light = {group: _read_bands(parts, f"{BEAUTY}.{BAKED_AOVS[group]}") for group in there or BAKED_AOVS}
     if any(values.min(initial=0.0) < 0.0 for bands in light.values() for values in bands.values()):
         return image, dict.fromkeys(light, math.nan)
+    added = {f"{BEAUTY}.Combined_{group}": bands for group, bands in light.items()
+             if _find_bands(parts, f"{BEAUTY}.Combined_{group}")}
     whole = {band: np.sum([bands[band] for bands in light.values()], axis=0, dtype=np.float32) for band in "RGB"}
     image, total = _add(image, {_IMAGE: whole, **added})
     return image, {group: sum(float(values.sum(dtype=np.float64)) for values in bands.values()) / total

@@ -98,6 +98,11 @@ def is_baked(settings: Settings) -> bool:
     return settings.quality.indirect == "BAKED" and not why_not_baked(settings)
 
 
+def images_per_bake(settings: Settings, images: int) -> int:
+    """How many of so many images of a ground under one Sun share a bake: all, or one if only what it sees is baked."""
+    return images if settings.quality.bake_area == "GROUND" else 1
+
+
 def image_quality(settings: Settings) -> QualitySettings:
     """The quality of a pair's images: of direct light alone if the rest is baked."""
     return direct_quality(settings.quality) if is_baked(settings) else settings.quality

@@ -126,14 +126,14 @@ def provide(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset:
     lights, spent, mesh = {}, 0.0, built.terrain.data
     shining = _lights(built)
     seen = find_seen(built, planned) if settings.quality.bake_area == "VIEW" else None
+    unlit = np.zeros(len(mesh.vertices), bool) if seen is None else ~_vertices_of(mesh, seen)
     for group in BAKED_ATTRIBUTES.keys() - shining.keys():
         _show(mesh, group, np.zeros((len(mesh.vertices), 3), np.float32))
         if built.rocks is not None:
             baked_rocks.show(built.rocks, group, np.zeros((len(built.rocks.data.vertices), TERMS, 3), np.float32))
     for group, dark in shining.items():
         path, found, seconds = _find_or_bake(built, scene, settings, dataset, claims, group, dark, seen)
-        _show(mesh, group, found.values if seen is None else
-              np.where(_vertices_of(mesh, seen)[:, None], found.values, np.float32(NOT_BAKED)))
+        _show(mesh, group, np.where(unlit[:, None], np.float32(NOT_BAKED), found.values))
         if built.rocks is not None:
             baked_rocks.show(built.rocks, group, found.rocks)
         lights[group] = KeptLight(found, path.relative_to(dataset).as_posix(), sha256(path))

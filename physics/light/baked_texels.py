@@ -30,8 +30,6 @@ _NEAREST = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
 _OF_TRIANGLE = np.array([0, 1, 3])
 _LINEAR = (np.eye(3) * 3 + 1) / 6
 _BILINEAR = np.array([[9, 3, 1, 3], [3, 9, 3, 1], [1, 3, 9, 3], [3, 1, 3, 9]]) / 16
-
-
 #: Rings of covered vertices that get light from their neighbours.
 _FILLED = 2
 

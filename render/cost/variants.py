@@ -14,6 +14,7 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...physics.scene_requirements import (
     follows_walk,
+    images_per_bake,
     is_baked,
     relief_of_camera_alone,
     surface_topics,
@@ -268,8 +269,7 @@ def candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> l
 
 def _seconds(settings: Settings, images: int) -> float:
     """Processor seconds of an image, with its share of what is baked."""
-    shared = images if settings.quality.bake_area == "GROUND" else 1
-    bake = bake_seconds(settings) / shared if is_baked(settings) else 0.0
+    bake = bake_seconds(settings) / images_per_bake(settings, images) if is_baked(settings) else 0.0
     return work_of(settings).seconds(0.0) + bake
 
 

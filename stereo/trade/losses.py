@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...physics.scene_requirements import images_per_bake
 from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.description import merged
 from ...typed_settings import Settings
@@ -135,17 +136,16 @@ def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Met
 
 def _cost(renders: Sequence[Loaded], images: int = 1) -> dict[str, Any]:
     facts = [render.pair.data for render in renders]
-    cpu = [sum(each["cpu_seconds"].values()) + _bake_seconds(render) / (
-        images if render.pair.settings.quality.bake_area == "GROUND" else 1)
-        for each, render in zip(facts, renders, strict=True) if "cpu_seconds" in each]
+    cpu = [sum(pair.data["cpu_seconds"].values()) + _bake_seconds(pair) / images_per_bake(pair.settings, images)
+           for pair in (render.pair for render in renders) if "cpu_seconds" in pair.data]
     return {"cpu_s": _mean(cpu), "cpu_range": [min(cpu), max(cpu)] if cpu else None,
             "wall_s": _mean([sum(each.get("seconds", {}).values()) for each in facts]),
             "memory_mib": max((each["peak_memory_mib"] for each in facts if each.get("peak_memory_mib")), default=None)}
 
 
-def _bake_seconds(render: Loaded) -> float:
+def _bake_seconds(pair: Pair) -> float:
     """Processor seconds of baking the light that a pair was rendered with."""
-    lights = render.pair.data.get("indirect", {}).get("lights", {})
+    lights = pair.data.get("indirect", {}).get("lights", {})
     return sum(float(light["cpu_seconds_of_bake"]) for light in lights.values())
 
 
