@@ -33,7 +33,7 @@ from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, blur_of
 from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
 from ..typed_settings import Settings
-from . import cycles_settings, hidden_pixels, passes, separate_lights
+from . import cycles_settings, hidden_pixels, passes, separate_lights, unlit
 from .baked_light import Indirect
 from .cost.estimate import bytes_of, count_bytes_left
 from .cycles_errors import first_line
@@ -204,7 +204,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                     scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None
                     for layer, name in take.images:
                         stem = part / f"{layer}{k}"
-                        made = (_render_truth(scene, stem, planned, camera, take.toed) if layer == TRUTH else
+                        made = (_render_truth(scene, built, stem, planned, camera, take.toed) if layer == TRUTH else
                                 _render_radiance(scene, built, lights, stem, planned))
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
@@ -260,28 +260,44 @@ def _add_baked_light(file: Path, planned: PlannedPair) -> dict[str, float]:
     return shares
 
 
-def _render_truth(scene: bpy.types.Scene, stem: Path, planned: PlannedPair, camera: StereoCamera,
+def _render_truth(scene: bpy.types.Scene, built: Built, stem: Path, planned: PlannedPair, camera: StereoCamera,
                   toed: bool) -> dict[str, Path]:
     """Render truth into files of its own, by eye. What is hidden from the other eye is part of it for parallel eyes,
     unless depth is all that is wanted."""
     files = passes.choose_layer(scene, TRUTH, stem, planned.settings.quality.truth)
-    with separate_lights.disable_osl(scene):
+    between: dict[str, list[np.ndarray]] = {eye: [] for eye in files}
+    with separate_lights.disable_osl(scene), unlit.switch_lights_off(scene):
         _run_cycles(scene, files, planned)
         if toed or not _is_full(planned):
             return files
-        between: dict[str, list[np.ndarray]] = {eye: [] for eye in files}
-        shifted = passes.choose_layer(scene, TRUTH, stem.with_name(f"{stem.name}-between"), "DEPTH")
-        for step in hidden_pixels.STEPS_PX:
-            with shift_frame(scene, step):
-                _run_cycles(scene, shifted, planned)
-            with explain_disk_errors("write", stem), _report_unreadable(planned):
-                for eye, file in shifted.items():
-                    # In single precision: millions of pixels have four numbers each here.
-                    between[eye].append(hidden_pixels.read_disparity(file.read_bytes(), camera).astype(np.float32))
-                    system.remove(file)
+        with _render_depth_alone(scene, built):
+            shifted = passes.choose_layer(scene, TRUTH, stem.with_name(f"{stem.name}-between"), "DEPTH")
+            for step in hidden_pixels.STEPS_PX:
+                with shift_frame(scene, step):
+                    _run_cycles(scene, shifted, planned)
+                with explain_disk_errors("write", stem), _report_unreadable(planned):
+                    for eye, file in shifted.items():
+                        # In single precision: millions of pixels have four numbers each here.
+                        between[eye].append(hidden_pixels.read_disparity(file.read_bytes(), camera).astype(np.float32))
+                        system.remove(file)
     with explain_disk_errors("write", stem), _report_unreadable(planned):
         hidden_pixels.add_hidden(files, between, camera)
     return files
+
+
+@contextmanager
+def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
+    """Render what is read once and removed: without surfaces where that saves time, into files that are not packed."""
+    pixels = scene.render.resolution_x * scene.render.resolution_y
+    kept = scene.render.use_persistent_data
+    too_many = kept and _triangle_count(built) > unlit.MOST_TRIANGLES_A_PIXEL * pixels
+    codec = scene.render.image_settings.exr_codec
+    scene.render.image_settings.exr_codec = "NONE"
+    try:
+        with unlit.take_surfaces_off([] if too_many else built.materials):
+            yield
+    finally:
+        scene.render.image_settings.exr_codec = codec
 
 
 @contextmanager

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import bpy
 import pytest
+from icymoon.render import unlit
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from
@@ -45,8 +46,14 @@ def trees(pairs: list[PlannedPair], folder: Path) -> list[bool]:
 
 
 @pytest.mark.parametrize("scene", [{}, {"rocks": {"coverage": 0.05}}])
-def test_another_camera_builds_no_tree_of_triangles(scene, tmp_path):
-    """Heading, site, lens, frame and noise change; the ground's material, in between, is another scene to Cycles."""
+def test_another_camera_builds_no_tree_of_triangles(scene, tmp_path, monkeypatch):
+    """Heading, site, lens, frame and noise change; the ground's material, in between, is another scene to Cycles.
+
+    So it is where depth is rendered without surfaces, which is done only where it saves more time than the tree takes.
+    And lamps that go out and on again let Cycles join the trees of its meshes anew.
+    """
+    monkeypatch.setattr(unlit, "MOST_TRIANGLES_A_PIXEL", 0)
+    monkeypatch.setattr(unlit, "switch_lights_off", lambda scene: nullcontext())
     cameras = ({}, {"rig": {"heading_deg": 50.0}}, {"rig": {"x_m": 1.0, "pitch_deg": 30.0, "focal_length_mm": 20.0}},
                {"rig": {"width_px": 40, "baseline_m": 0.5, "overscan": 0.1}}, {"quality": {"samples": 3}})
     pairs = [planned(scene, change) for change in cameras]
