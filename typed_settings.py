@@ -270,6 +270,7 @@ class ExcavationSettings(Table):
     heap_side: Literal["LEFT", "RIGHT"]
     heap_gap_m: float  # m
     clods_m: float  # m
+    clod_sizes: Literal["ONE", "MANY"]
     cell_m: float  # m
     fresh_albedo: float
     layer_thickness_m: float  # m

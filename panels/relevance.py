@@ -133,6 +133,8 @@ def has_effect(topic: str, key: str, root: Any) -> bool:
         return key == first or getattr(group, first) > 0
     if topic == "excavation" and key in ("layer_depth_m", "layer_spacing_m", "layer_albedo"):
         return bool(group.layer_thickness_m > 0)
+    if topic == "excavation" and key == "clod_sizes":
+        return bool(group.clods_m > 0)
     if topic == "rocks" and key != "coverage":
         return bool(group.coverage > 0
                     and (key not in ("cluster_blocks", "cluster_radius_m") or group.clustering > 0))

@@ -62,7 +62,7 @@ SECTIONS = (
     Section("excavation", "walls", "Ground and Walls", "Strength of the ground and what becomes of the walls", (
         "cohesion_pa", "friction_deg", "density_kg_m3", "gravity_m_s2", "chips_m")),
     Section("excavation", "heap", "Heap", "Where what is dug goes", (
-        "bulking", "heaped_share", "heap_side", "heap_gap_m", "clods_m")),
+        "bulking", "heaped_share", "heap_side", "heap_gap_m", "clods_m", "clod_sizes")),
     Section("excavation", "layers", "Fresh Ground and Layers", "Albedo of ground that is dug open, and of its layers", (
         "fresh_albedo", "layer_thickness_m", "layer_depth_m", "layer_spacing_m", "layer_albedo")),
     _advanced("excavation", "cell_m", "jitter_m", "jitter_deg"),

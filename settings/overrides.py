@@ -207,6 +207,7 @@ class ExcavationOverrides(TypedDict, total=False):
     heap_side: Literal["LEFT", "RIGHT"]
     heap_gap_m: float  # m
     clods_m: float  # m
+    clod_sizes: Literal["ONE", "MANY"]
     cell_m: float  # m
     fresh_albedo: float
     layer_thickness_m: float  # m

@@ -436,7 +436,12 @@ EXCAVATION = Topic("excavation", "Excavation", "A trench that a scoop digs, and 
             choices=(("LEFT", "Left", "Left of the trench"), ("RIGHT", "Right", "Right of the trench"))),
     _metres("heap_gap_m", "Gap", 0.05, 0.0, 10.0, (0.0, 0.3), "Distance from the trench to the foot of the heap in the "
             "last state", "geometry"),
-    _metres("clods_m", "Clods", 0.0, 0.0, 0.05, (0.0, 0.02), "Height of the clods on spoil; 0 for none", "geometry"),
+    _metres("clods_m", "Clods", 0.0, 0.0, 0.05, (0.0, 0.02), "Height of the clods on spoil, or width of the largest if "
+            "they have many sizes; 0 for none", "geometry"),
+    Setting("clod_sizes", "Clod Sizes", "ONE", "Whether clods are of one size or of many", "geometry",
+            choices=(("ONE", "One Size", "Lumps of one size in the surface of the heap"),
+                     ("MANY", "Many Sizes", "Single clods, few large and many small ones, each where it came to rest: "
+                      "large ones have rolled to the foot of the heap and beyond"))),
     _metres("cell_m", "Cell", 0.0025, 2.0e-4, 0.1, (0.001, 0.01), "Distance of the vertices of trench and heap",
             "geometry"),
     _fraction("fresh_albedo", "Fresh Albedo", 1.0, "Albedo of ground that was dug open, and of spoil, relative to the "

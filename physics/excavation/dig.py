@@ -11,6 +11,7 @@ import numpy as np
 from ...typed_settings import ExcavationSettings
 from ..random_numbers.seeds import generator
 from ..terrain.noise.lattice_noise import gradient_noise
+from .clods import with_clods
 from .cut import Pull, cut_heights, fit_plane
 from .relax import Layers, relax
 from .site import Site
@@ -19,6 +20,8 @@ from .site import Site
 _CLODS = ((9.0, 1.6), (3.5, 1.4), (1.6, 0.7))
 #: Wavelength and height of what makes a heap of clods uneven, in their heights.
 _LUMP_WAVES, _LUMP_SIZE = 14.0, 5.0
+#: Where clods have many sizes: the height by which a heap is uneven, and the radius of its crest, over their largest.
+_MANY_UNEVEN, _MANY_CREST = 0.35, 0.3
 #: Change of height at the rim of the patch that counts as spoil there.
 _MOVED_M = 1.0e-4
 #: Wavelength of chips along a rim, in depths of the largest chip, and their slope.
@@ -93,9 +96,15 @@ class Series:
         slid = float(np.maximum(solid - layers.ground, 0.0).sum()) * cell**2
         return State(self._with_clods(layers), volume, mass, chipped, slid, mass + chips_kg - heaped_kg, stood, rests)
 
+    @property
+    def has_many_sizes(self) -> bool:
+        """Whether clods are single bodies of many sizes, not noise."""
+        return bool(self.excavation.clod_sizes == "MANY")
+
     def _lumps_m(self) -> np.ndarray:
         """How uneven (rows, columns) the heap is, see ``Heap.thickness``: by a few clods, over many."""
         size, key = float(self.excavation.clods_m), int(generator(self.seed, "terrain", 8).integers(0, 2**32))
+        size *= _MANY_UNEVEN if self.has_many_sizes else 1.0
         if size == 0.0:
             return np.zeros(self.before_m.shape)
         wave = _LUMP_WAVES * size
@@ -107,6 +116,10 @@ class Series:
         size, total = float(self.excavation.clods_m), float(layers.spoil.sum())
         if size == 0.0 or total == 0.0:
             return layers
+        if self.has_many_sizes:
+            return Layers(layers.ground, with_clods(
+                self.site.grid, layers.ground, layers.spoil, size, float(self.excavation.friction_deg),
+                generator(self.seed, "terrain", 9)))
         grid, key = self.site.grid, int(generator(self.seed, "terrain", 7).integers(0, 2**32))
         clods = np.zeros(layers.spoil.shape)
         for octave, (waves, share) in enumerate(_CLODS):
@@ -186,7 +199,8 @@ class Series:
             return
         grid, area = self.site.grid, self.site.grid.cell_m**2
         before, lumps = self.heaped_m3(number - 1), self._lumps_m()
-        less, more = (self.site.heap.thickness(grid, each, lumps) for each in (before, before + volume))
+        crest = _MANY_CREST * float(self.excavation.clods_m) if self.has_many_sizes else 0.0
+        less, more = (self.site.heap.thickness(grid, each, lumps, crest) for each in (before, before + volume))
         more = np.maximum(more - less, 0.0)
         layers.spoil += more * (volume / (float(more.sum()) * area))
 

@@ -44,15 +44,17 @@ class Heap:
         """Length of the line."""
         return math.dist(self.start_m, self.end_m)
 
-    def thickness(self, grid: Grid, volume_m3: float, lumps_m: np.ndarray | float = 0.0) -> np.ndarray:
+    def thickness(self, grid: Grid, volume_m3: float, lumps_m: np.ndarray | float = 0.0,
+                  crest_m: float = 0.0) -> np.ndarray:
         """Thickness (rows, columns) in metres of spoil of this volume on level ground; its sum is exact.
 
-        ``lumps_m`` is how much farther from the line each place is taken to be, which makes the heap uneven.
+        ``lumps_m`` is how much farther from the line each place is taken to be, which makes the heap uneven;
+        ``crest_m`` is how far from it the crest is round.
         """
         if volume_m3 <= 0.0:
             return np.zeros((grid.rows, grid.columns))
         height = ridge_height_m(volume_m3, self.length_m, self.repose_deg)
-        distance = self._distance(grid) + lumps_m
+        distance = np.hypot(self._distance(grid), crest_m) - crest_m + lumps_m
         shape = np.maximum(height - math.tan(math.radians(self.repose_deg)) * distance, 0.0)
         total = float(shape.sum()) * grid.cell_m**2
         if total <= 0.0:  # less than a cell holds

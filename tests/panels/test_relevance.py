@@ -89,6 +89,11 @@ def test_a_setting_of_glass_or_filters_is_hidden_where_it_changes_no_light(colou
     assert is_shown("sensor", key, root(sensor={"colour": colour})) == (rates(**{key: other}) != rates())
 
 
+def test_sizes_of_clods_are_grey_without_clods():
+    assert "clod_sizes" not in relevant("excavation", {"excavation": {"path": "LINE"}})
+    assert "clod_sizes" in relevant("excavation", {"excavation": {"path": "LINE", "clods_m": 0.02}})
+
+
 def test_the_exposure_of_a_motion_is_grey_unless_something_moves():
     assert not has_effect("rig", "motion_exposure_s", root())
     for moving in MOTION:

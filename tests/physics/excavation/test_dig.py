@@ -224,3 +224,32 @@ def test_clods_keep_the_mass_and_lie_on_spoil_only():
     assert 0.002 < off[thick].std() < 0.01  # as high as they are said to be
     assert b.layers.spoil.min() >= 0.0
     assert rough.facts(3)["taken_by_state_m3"] == smooth.facts(3)["taken_by_state_m3"]
+
+
+def test_clods_of_many_sizes_keep_mass_and_volume_exactly():
+    one, many = series(), series(0.1, clods_m=0.03, clod_sizes="MANY", cohesion_pa=0.0)
+    assert many.mass_error(3) < 1e-12
+    facts, bare = many.facts(3), many.bare[3].spoil
+    assert facts["spoil_m3"] == pytest.approx(float(bare.sum()) * 0.005**2, rel=1e-12)
+    np.testing.assert_array_equal(many.at(3).layers.ground, many.bare[3].ground)
+    assert many.at(3).layers.spoil.min() >= 0.0
+    assert facts["advice"] == []  # at the rim of the patch nothing changes
+    level = series(clods_m=0.03, clod_sizes="MANY")
+    np.testing.assert_allclose(level.facts(3)["taken_by_state_m3"], one.facts(3)["taken_by_state_m3"], rtol=1e-12)
+    np.testing.assert_array_equal(series(clods_m=0.03, clod_sizes="MANY").at(2).layers.top, level.at(2).layers.top)
+
+
+def test_clods_lie_beyond_the_foot_of_the_heap_and_the_blade_digs_without_them():
+    made = series(clods_m=0.03, clod_sizes="MANY")
+    spoil, bare = made.at(3).layers.spoil, made.bare[3].spoil
+    beyond = (spoil > 0.003) & (bare == 0.0)
+    assert beyond.sum() * 0.005**2 > 3 * 0.02**2  # some clods of centimetres
+    # Not in the trench, whose rim is a gap away; nor farther than the least friction lets them come.
+    run_out = float(bare.max()) / (0.35 * math.tan(math.radians(38.0))) + 0.03
+    rows, columns = np.nonzero(bare > 0.0)
+    for row, column in zip(*np.nonzero(beyond), strict=True):
+        assert np.hypot(rows - row, columns - column).min() * 0.005 < run_out
+    again = series(clods_m=0.03, clod_sizes="MANY")
+    again.at(2)
+    np.testing.assert_array_equal(again.bare[2].top, made.bare[2].top)
+    assert (made.bare[2].spoil != made.at(2).layers.spoil).any()
