@@ -223,6 +223,7 @@ class PitsSettings(Table):
     diameter_m: float  # m
     coverage: float
     wall_deg: float  # deg
+    talus: float
 
 
 class HillsSettings(Table):

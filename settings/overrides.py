@@ -163,6 +163,7 @@ class PitsOverrides(TypedDict, total=False):
     diameter_m: float  # m
     coverage: float
     wall_deg: float  # deg
+    talus: float
 
 
 class HillsOverrides(TypedDict, total=False):

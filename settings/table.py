@@ -323,6 +323,8 @@ PITS = Topic("pits", "Pits", "Pits with flat floors and steep walls, which grow 
     Setting("coverage", "Coverage", 0.3, "Share of the ground that is in pits. Above about 0.3 many grow together",
             "geometry", "1", 0.0, 0.8, (0.0, 0.7)),
     _degrees("wall_deg", "Wall Slope", 60.0, 10.0, 85.0, "Slope of the walls", "geometry"),
+    Setting("talus", "Talus", 0.0, "Mean height of the talus at the foot of the walls, as a share of the depth; 0 for "
+            "none", "geometry", "1", 0.0, 0.5, (0.0, 0.5)),
 ), LANDFORMS)
 
 HILLS = Topic("hills", "Distant Hills", "Hills and ranges from the patch of ground to the horizon", (

@@ -6,6 +6,9 @@ layer of carbon dioxide ice about 8 m thick at Mars' south pole (Byrne and Inger
 walls retreat by metres a year (from memory: Malin et al. 2001, Science 294, 2146), and pits of kilometres in the
 nitrogen ice of Pluto (from memory: Moore et al. 2017, Icarus 287, 320). No image shows either moon at metres: that
 they have such pits, their depth, width and number are guesses.
+
+What falls off a wall and does not sublime lies at its foot as **talus**, at its angle of repose: in aprons of uneven
+height, with the coarsest debris at the toe.
 """
 
 from __future__ import annotations
@@ -17,7 +20,7 @@ import numpy as np
 
 from ....typed_settings import PitsSettings
 from ..noise.lattice_noise import hash_lattice, to_uniform
-from .common import Crests, Landform, Walls, draw_key, facets, wander
+from .common import Crests, Landform, Walls, draw_key, facets, only_where, wander
 
 #: Smallest and largest radius over the mean one; their mean square over the square of the mean.
 _SMALLEST, _LARGEST = 0.5, 1.5
@@ -30,11 +33,16 @@ _BEND, _BEND_LENGTHS = 0.22, (1.6, 0.55)
 _LAG, _LAG_HEIGHT = 0.18, 0.12
 #: Slope of the sides of the blocks; how much of each is buried.
 _LAG_SIDE, _LAG_BURIED = 2.0, 0.35
+#: Talus: its slope; by which share its height differs along a wall, and the wavelengths of that in depths of the pit.
+_REPOSE, _UNEVEN, _APRONS = math.tan(math.radians(35.0)), 0.7, (2.4, 0.8)
+#: Debris of talus: widths in depths of the pit, heights over their widths, slope of their sides, how much of each is
+#: buried on the apron and at its toe, and how far beyond the toe in heights of the talus some lies.
+_DEBRIS, _DEBRIS_HEIGHT, _DEBRIS_SIDE, _DEBRIS_BURIED, _BEYOND = (0.22, 0.09), 0.5, 2.2, (0.6, 0.3), 1.0
 
 
 def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> Landform | None:
     """Pits ``depth_m`` deep on a share ``coverage`` of the ground, from rim to rim."""
-    keys = [draw_key(random) for _ in range(5)]
+    keys = [draw_key(random) for _ in range(7)]
     depth, radius = settings.depth_m, settings.diameter_m / 2
     if depth == 0.0 or settings.coverage == 0.0:
         return None
@@ -64,10 +72,33 @@ def make(settings: PitsSettings, random: np.random.Generator, size_m: float) -> 
         return deepest
 
     def heights(x_m: np.ndarray, y_m: np.ndarray, shortest_m: Any) -> np.ndarray:
-        down = np.clip(inside_m(x_m, y_m) / wall, 0.0, 1.0)
+        inside = inside_m(x_m, y_m)
+        down = np.clip(inside / wall, 0.0, 1.0)
         x, y = np.broadcast_arrays(x_m, y_m)
         size = _LAG * radius
         lag = np.maximum(facets(x / size, y / size, _LAG_SIDE, keys[4]) - _LAG_BURIED, 0.0)
-        return -depth * down * (1.0 - _LAG_HEIGHT * lag * down)
+        bare = -depth * down * (1.0 - _LAG_HEIGHT * lag * down)
+        if settings.talus == 0.0:
+            return bare
+        reach = wall + (1.0 + _BEYOND) * (1.0 + 2.0 * _UNEVEN) * settings.talus * depth / _REPOSE
+        return bare + only_where((inside > 0.0) & (inside < reach), add_talus, x, y, inside, bare)
+
+    def add_talus(x: np.ndarray, y: np.ndarray, inside: np.ndarray, bare: np.ndarray) -> np.ndarray:
+        """How much higher a place is by the talus on it."""
+        uneven = sum(wander(x / (length * depth), y / (length * depth), keys[5] ^ k)
+                     for k, length in enumerate(_APRONS))
+        # Height of an apron over the floor at the foot of the wall.
+        high = settings.talus * depth * np.maximum(1.0 + _UNEVEN * uneven, 0.0)
+        over = high - _REPOSE * (inside - wall)
+        apron = np.maximum(np.minimum(over - depth, 0.0), bare)
+        # Debris on the apron, the less buried the nearer to the toe, and a little beyond it; none high on the wall.
+        buried = np.interp(over / np.maximum(high, 1e-9), (0.0, 1.0), _DEBRIS_BURIED[::-1])
+        fades = np.clip(1.0 + over / np.maximum(_BEYOND * high, 1e-9), 0.0, 1.0)
+        fades *= np.clip(-2.0 * bare / depth - 0.4, 0.0, 1.0)
+        debris = np.zeros(x.shape)
+        for k, size in enumerate(width * depth for width in _DEBRIS):
+            tops = facets(x / size, y / size, _DEBRIS_SIDE, keys[6] ^ k)
+            debris += _DEBRIS_HEIGHT * size * np.maximum(tops - buried, 0.0)
+        return apron + fades * debris - bare
 
     return Landform(wall, heights, Crests([inside_m], heights, settings.diameter_m), Walls(depth, keys[4]))

@@ -318,6 +318,32 @@ def test_pits_that_meet_share_one_floor_between_cusps():
     assert few.min() == many.min() == pytest.approx(-0.5)
 
 
+def test_talus_lies_at_the_foot_of_walls_at_its_angle_of_repose():
+    bare, dressed = (_grid(_made("pits", depth_m=0.5, diameter_m=2.0, coverage=0.3, wall_deg=75.0, talus=share), 10.0,
+                           1001) for share in (0.0, 0.25))
+    added, step = dressed[0] - bare[0], bare[1]
+    assert added.min() >= 0.0
+    assert (added[bare[0] == 0.0] == 0.0).all()  # none on the plain
+    talus = added > 0.02
+    inside = bare[0] < 0.0
+    assert 0.1 < talus[inside].mean() < 0.6
+    # Aprons of about a quarter of the depth, higher and lower along a wall, and never up to the rim.
+    assert 0.1 < np.quantile(added, 0.999) < 0.35
+    assert dressed[0][talus].max() < -0.1
+    slope = np.degrees(np.arctan(np.hypot(*np.gradient(dressed[0], step))))
+    # Bent walls make lines closer and wider apart; debris makes the slope uneven, with as much up as down.
+    assert np.median(slope[talus & (added > 0.06)]) == pytest.approx(35.0, abs=5.0)
+
+
+def test_talus_has_no_step_where_it_ends():
+    heights, step = _grid(_made("pits", depth_m=0.5, diameter_m=2.0, coverage=0.3, wall_deg=75.0, talus=0.5), 4.0, 1601)
+    # Sides of debris and bent walls are steep; a step of a centimetre would be a slope of 4.
+    assert np.abs(np.diff(heights, axis=0)).max() / step < 8.0
+    floor = heights < -0.45
+    beside = np.abs(np.diff(heights, axis=0))[floor[1:] & floor[:-1]]
+    assert beside.max() / step < 3.5
+
+
 def test_hollows_can_be_long():
     made = _made("hollows", depth_m=0.2, diameter_m=0.5, elongation=6.0, azimuth_deg=75.0)
     heights, _ = _turned(made, 75.0, 20.0, 801)
