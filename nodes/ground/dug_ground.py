@@ -198,4 +198,22 @@ def _fill_gap(outer_m: np.ndarray, inner_m: np.ndarray) -> np.ndarray:
     middle = (a + b + c) / 3.0
     low, high = points[len(outer_m):].min(axis=0), points[len(outer_m):].max(axis=0)
     in_patch = ((middle > low) & (middle < high)).all(axis=1)
-    return made[inside_loop(middle, points[:len(outer_m)]) & ~in_patch]
+    return _without_loose(made[inside_loop(middle, points[:len(outer_m)]) & ~in_patch], np.sort(edges, axis=1))
+
+
+def _without_loose(faces: np.ndarray, rims: np.ndarray) -> np.ndarray:
+    """Triangles (m, 3) without those that have a side of their own which is none of the edges (k, 2) of the rims.
+
+    Along a seam of the mesh three corners of the outer rim lie on a line, but for rounding, and a triangle without
+    area between them may count as inside.
+    """
+    many = int(faces.max()) + 1
+    rim = rims[:, 0] * many + rims[:, 1]
+    while True:
+        sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        side = sides[:, 0] * many + sides[:, 1]
+        keys, times = np.unique(side, return_counts=True)
+        loose = np.isin(side, np.setdiff1d(keys[times == 1], rim)).reshape(-1, 3).any(axis=1)
+        if not loose.any():
+            return faces
+        faces = faces[~loose]

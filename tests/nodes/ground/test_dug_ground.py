@@ -18,6 +18,8 @@ from rendering import complete
 
 DUG = {"path": "LINE", "states": 3, "bite_m": 0.05, "length_m": 0.2, "cell_m": 0.01, "start_y_m": 2.0}
 GRADED = {"mesh": {"kind": "GRADED", "most": 20000, "farthest_m": 100.0}}
+FINE = {"mesh": {"kind": "GRADED", "most": 60000, "farthest_m": 100.0, "error_px": 4.0, "edge_px": 24.0,
+                 "seen": "FINE"}}
 
 
 def dug(*more, **changes):
@@ -50,7 +52,7 @@ def test_the_patch_leaves_no_crack(mesh):
     assert len(np.unique(made.faces)) == len(made.positions)
 
 
-@pytest.mark.parametrize("mesh", [{}, GRADED], ids=["grid", "graded"])
+@pytest.mark.parametrize("mesh", [{}, GRADED, FINE], ids=["grid", "graded", "fine"])
 def test_volumes_between_triangles_are_those_on_record(mesh):
     untouched, made = dug(mesh, state=0), dug(mesh, state=2)
     (before, least), (after, _) = (volume_m3(each.positions, each.faces) for each in (untouched, made))
@@ -59,6 +61,33 @@ def test_volumes_between_triangles_are_those_on_record(mesh):
     # Sums over 1e4 triangles of up to 1e3 m² in double precision.
     assert after - before == pytest.approx(facts["change_in_patch_by_state_m3"][2], abs=1e-7)
     assert facts["taken_m3"] == pytest.approx(0.08 * 0.2 * 0.1, rel=1e-6)
+
+
+@pytest.mark.parametrize("east_m", [-0.8, 0.8, 1.2])
+def test_the_edge_of_what_is_seen_may_cross_the_patch(east_m):
+    """There small triangles lie along a side of a larger one, three corners in a line; nothing else is used once."""
+    made = dug(FINE, start_x_m=east_m)
+    edges, times = count_edges(made.faces)
+    assert times.max() == 2
+    many = int(made.faces.max()) + 1
+    once = np.stack([edges[times == 1] // many, edges[times == 1] % many], axis=1)
+    middle = made.positions[once, :2].mean(axis=1)
+    west, south, east, north = made.grid.bounds_m
+    beside = (middle > (west - 0.1, south - 0.1)) & (middle < (east + 0.1, north + 0.1))
+    assert not beside.all(axis=1).any()
+    assert volume_m3(made.positions, made.faces)[1] > 0.0
+
+
+def test_finer_ground_around_it_leaves_a_trench_as_it_is():
+    coarse, fine = dug(FINE, {"mesh": {"seen": "EVEN"}}), dug(FINE)
+    # Triangles in view are cut into nine, so the ground around the patch is another one.
+    many = fine.series.before_m.size
+    assert len(fine.positions) - many > 1.5 * (len(coarse.positions) - many)
+    np.testing.assert_array_equal(fine.positions[-many:], coarse.positions[-many:])
+    depth = fine.series.before_m.ravel() - fine.positions[-many:, 2]
+    # Depths count from a plane, and ground of some degrees is uneven by less than a centimetre on a decimetre.
+    assert depth.max() == pytest.approx(0.1, abs=0.02)
+    assert fine.series.facts(2) == coarse.series.facts(2)
 
 
 def test_only_heights_of_the_patch_differ_between_states():
