@@ -60,12 +60,19 @@ class MeshedGround:
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
         """The smooth-shaded mesh. Where it is as fine as the image, for its fine relief, it is shaded flat: then what
-        the image shows is what the depth has."""
-        mesh = build_mesh_from_arrays(name, self.positions, self.faces, self.sharp)
+        the image shows is what the depth has.
+
+        A mesh that the material displaces has no sharp edges: Cycles then makes a vertex for each normal at it and
+        moves them apart, also those of all flat faces, so that the ground has holes. Faces beside them are flat instead.
+        """
+        flat = self.fine
+        if flat is not None and self.spacing_m is not None and len(self.sharp):
+            flat = flat | _touches_edges(self.faces, self.sharp)
+        mesh = build_mesh_from_arrays(name, self.positions, self.faces, self.sharp if flat is self.fine else None)
         if self.spacing_m is not None:
             _mark_spacing(mesh, self.spacing_m)
-        if self.fine is not None:
-            mesh.polygons.foreach_set("use_smooth", ~self.fine)
+        if flat is not None:
+            mesh.polygons.foreach_set("use_smooth", ~flat)
         return mesh
 
 
@@ -192,6 +199,14 @@ def build_mesh_from_arrays(name: str, positions: np.ndarray, faces: np.ndarray,
         layer = mesh.attributes.new(UV_LAYER, "FLOAT2", "CORNER")
         layer.data.foreach_set("vector", np.ascontiguousarray(uv, np.float32).ravel())
     return mesh
+
+
+def _touches_edges(faces: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Whether triangles (m, 3) have one of some edges (k, 2), each from the lower to the higher vertex."""
+    sides = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64), axis=1)
+    many = int(faces.max()) + 1
+    touches = np.isin(sides[:, 0] * many + sides[:, 1], edges[:, 0] * many + edges[:, 1])
+    return np.asarray(touches.reshape(-1, 3).any(axis=1))
 
 
 def _mark_sharp(mesh: bpy.types.Mesh, edges: np.ndarray) -> None:
