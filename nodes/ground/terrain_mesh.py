@@ -63,7 +63,8 @@ class MeshedGround:
         the image shows is what the depth has.
 
         A mesh that the material displaces has no sharp edges: Cycles then makes a vertex for each normal at it and
-        moves them apart, also those of all flat faces, so that the ground has holes. Faces beside them are flat instead.
+        moves them apart, also those of all flat faces, so that the ground has holes. Faces beside them are flat
+        instead.
         """
         flat = self.fine
         if flat is not None and self.spacing_m is not None and len(self.sharp):
