@@ -5,8 +5,9 @@
 Whole scenes, each with its four headings, are drawn at random from the seven sets of ``datasets/guiss_all``: so many
 pairs of a set as it has among all, but 16 at least. The ground is Lambert's, made-up ground on the paper's grid of
 257 x 257 vertices, with the whole truth, radiance and normals in 16 bits, and indirect light that is baked with at most
-64 samples (``quality.bake_noise`` 0.01) or, with ``--traced``, traced with 9. Each set is a data set in FOLDER that
-``icymoon work`` renders, so the same command continues what was stopped, and ``icymoon verify`` checks it.
+256 samples (``quality.bake_noise`` 0.01), with 2 of direct light, or, with ``--traced``, traced with 9. Each set is a
+data set in FOLDER that ``icymoon work`` renders, so the same command continues what was stopped, and ``icymoon verify``
+checks it.
 
 A row is a set. Processor seconds are those of ``icymoon work`` and its worker, with their start, builds and bakes, a
 pair; ± is the standard error over scenes. In brackets is what the pairs state of themselves. The last lines are sums
@@ -63,7 +64,8 @@ diffuse_bounces = 3
 fine_relief = "CAMERA"
 half_floats = "RADIANCE_NORMALS"
 indirect = "{indirect}"
-bake_samples = 64
+bake_samples = 256
+direct_samples = 2
 """
 
 

@@ -31,7 +31,7 @@ from ..nodes.rig import turn_about_eye
 from ..nodes.scene import Built
 from ..number_text import show_rounded
 from ..physics.light import baked_texels
-from ..physics.light.baked_noise import noise_of, samples_needed
+from ..physics.light.baked_noise import largest_share, noise_of, samples_needed
 from ..physics.light.baked_rocks import TERMS, fit
 from ..physics.random_numbers.seeds import generator, stream
 from ..physics.rig.seen_points import find_seen_facets, sides_passed
@@ -45,12 +45,13 @@ from .plans.planned_pair import PlannedPair
 from .workers.claims import Claims
 
 #: Raise this number when the same settings are baked in another way.
-_SCHEME = 3
+_SCHEME = 4
 #: Samples of each half of the first two bakes, whose difference shows how many it takes.
 _FIRST = 8
-#: What the noise over all light of the ground is kept below quality.bake_noise by. Images differ in how much of their
-#: light is indirect, and those with more noise are traced after all, which costs more than some samples more.
-_MARGIN = 1.5
+#: What the noise over all light of the ground, from the side with most indirect light, is kept below quality.bake_noise
+#: by. Images show parts of the ground, and those with more noise are traced after all, which costs more than some
+#: samples more.
+_MARGIN = 1.4
 #: Samples of the direct light, of which only the mean over the ground is needed.
 _DIRECT = 2
 _WAIT_S = 0.5
@@ -238,6 +239,9 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, 
     mesh = terrain.data
     lit = np.ones(len(mesh.vertices), bool) if seen is None else _vertices_of(mesh, seen)
     triangles = (np.cumsum(lit) - 1)[_triangles(mesh, seen)]  # by the order of the vertices that get light
+    normals = np.empty(3 * len(lit), np.float32)
+    mesh.vertex_normals.foreach_get("vector", normals)
+    normals = normals.reshape(-1, 3)[lit]
     numbers = _NO_ROCKS
     with _hidden(dark), _open_bake(terrain, scene, settings, lit) as (found, bake_texels):
         covered = _covered(bake_texels, int(seeds[4])) if rocks is not None else None
@@ -248,10 +252,11 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, 
                 return baked_texels.gather(found, texels, len(mesh.vertices))[lit]
             return baked_texels.gather_open(found, texels, covered, len(mesh.vertices))[lit]
 
-        direct = run("DIRECT", _DIRECT, int(seeds[4])).mean(dtype=np.float64)
+        direct = run("DIRECT", _DIRECT, int(seeds[4]))
         count = min(_FIRST, quality.bake_samples // 2)
         halves = [run("INDIRECT", count, int(seed)) for seed in seeds[:2]]
-        more = samples_needed(halves, triangles, float(direct), count, quality.bake_noise / _MARGIN,
+        share = largest_share(direct, (halves[0] + halves[1]) / 2, normals)
+        more = samples_needed(noise_of(halves, triangles), share, count, quality.bake_noise / _MARGIN,
                               quality.bake_samples // 2) - count
         if more > 0:
             halves = [(count * half + more * run("INDIRECT", more, int(seed))) / (count + more)
@@ -264,7 +269,7 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, 
     values = np.zeros((len(lit), 3), np.float32)
     values[lit] = np.maximum((halves[0] + halves[1]) / 2, 0.0)
     mean = float(values[lit].mean(dtype=np.float64)) if lit.any() else 0.0
-    total = mean + float(direct)
+    total = mean + (float(direct.mean(dtype=np.float64)) if lit.any() else 0.0)
     return BakedLight(values, numbers, noise_of(halves, triangles), mean / total if total > 0 else 0.0, 2 * count,
                       time.process_time() - start)
 

@@ -7,6 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+#: Sides from which ground is looked at to find where most of its light is indirect, and the height of the eye there
+#: above the horizon: ground 4 m before an eye that is 1 m high.
+_SIDES, _EYE_DEG = 8, 14.0
+
 
 def noise_of(halves: Sequence[np.ndarray], triangles: np.ndarray) -> float:
     """Standard error within triangles (n, 3 vertices) of the mean of two halves (vertices, bands), over that mean.
@@ -25,20 +29,30 @@ def noise_of(halves: Sequence[np.ndarray], triangles: np.ndarray) -> float:
     return float(np.sqrt(np.mean(square))) / 2 / mean
 
 
-def samples_needed(halves: Sequence[np.ndarray], triangles: np.ndarray, direct: float, count: int, limit: float,
-                   most: int) -> int:
-    """Samples of each half with which noise that is seen is ``limit`` of the mean light, ``most`` at most.
+def largest_share(direct: np.ndarray, indirect: np.ndarray, normals: np.ndarray) -> float:
+    """Share of ``indirect`` light in all light of ground, as seen from the side from which it is largest.
 
-    ``halves`` were made with ``count`` samples, ``direct`` is the mean of the direct light. Noise falls with the root
-    of the samples.
+    Both lights are (vertices, bands). From a side, ground is weighted by the cosine between its ``normals`` (vertices,
+    3) and the way to the eye, and ground that faces away is not seen. What hides what is left out. 0 without light.
     """
-    mean = _mean(halves)
-    if mean <= 0:
+    around = np.linspace(0, 2 * math.pi, _SIDES, endpoint=False)
+    up = math.radians(_EYE_DEG)
+    to_eye = np.stack([math.cos(up) * np.cos(around), math.cos(up) * np.sin(around), np.full(_SIDES, math.sin(up))])
+    weights = np.maximum(normals @ to_eye, 0.0).T
+    some, other = weights @ indirect.mean(axis=1), weights @ direct.mean(axis=1)
+    return float(np.divide(some, some + other, out=np.zeros(_SIDES), where=some > 0).max())
+
+
+def samples_needed(noise: float, share: float, count: int, limit: float, most: int) -> int:
+    """Samples of each half with which ``noise`` that ``count`` samples have, in indirect light that is ``share`` of all
+    light, is ``limit`` of all light; ``most`` at most. Noise falls with the root of the samples.
+    """
+    seen = noise * share
+    if seen <= 0:
         return count
     if limit <= 0:
         return most
-    noise = noise_of(halves, triangles) * mean / (mean + direct)
-    return max(count, min(most, math.ceil(count * (noise / limit) ** 2)))
+    return max(count, min(most, math.ceil(count * (seen / limit) ** 2)))
 
 
 def _mean(halves: Sequence[np.ndarray]) -> float:
