@@ -212,7 +212,7 @@ def head_sentences(summary: Sequence[Mapping[str, Any]], facts: Sequence[Mapping
 
 
 def _head(entry: Mapping[str, Any], sun: str) -> str:
-    if not entry["pairs"]:
+    if not entry["pairs"] or entry["dem.completeness"] is None:  # the second: no image shows ground in reach
         return ""
     name = "the true depth" if entry["method"] == TRUE_DEPTH else TITLES.get(entry["method"], entry["method"])
     scenes = f"{entry['scenes']} scene{'' if entry['scenes'] == 1 else 's'}"
@@ -272,8 +272,12 @@ def find_notes(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, A
     if unseen:
         notes.append(f"{unseen} of {len(facts)} pairs contain no true heights (workspace.cell_m is 0), so their truth "
                      "is the true depth of both eyes: ground that neither eye sees is not known, and counts nowhere.")
-    known = [share for row in rows if row["method"] == TRUE_DEPTH and row["numbers"]
-             and (share := row["numbers"]["dem"]["completeness"]) is not None]
+    shown = [row["numbers"]["dem"]["completeness"] for row in rows if row["method"] == TRUE_DEPTH and row["numbers"]]
+    hidden = shown.count(None)
+    if hidden:
+        notes.append(f"The left image of {hidden} of {len(facts)} pairs shows no cell in reach, so no site is found in "
+                     "them, whatever the matcher; aim the camera at the workspace to judge sites.")
+    known = [share for share in shown if share is not None]
     if known and np.mean(known) < _FEW_KNOWN:
         notes.append(f"Cells have too few pixels of these images: even the true depth knows only "
                      f"{100 * np.mean(known):.0f} % of those that the left image shows; raise workspace.cell_m, or "

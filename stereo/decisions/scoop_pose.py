@@ -1,8 +1,13 @@
 """Where a link of the arm is, from the depth of its pixels: iterative closest points from where it was told to be.
 
-Each point is drawn to the plane of the nearest point of the link's surface (Chen and Medioni 1992). A step is damped,
-so that directions which the points do not tell stay as commanded: few points of a scoop lie on all of its sides. A
-joint that is off shows as a pose that is not the commanded one by more than the noise of the pose.
+Each point is drawn to the plane of the nearest point of the link's surface (Chen and Medioni 1992), and the pose to the
+commanded one, by how far joints may be off: few points of a scoop lie on all of its sides, and a matcher's points are
+off together, so they alone would turn it at will. A joint that is off shows as a pose that is not the commanded one by
+more than the noise of the pose.
+
+Where a fault moves the link farther than its own size, points are nearest to a wrong side of it, and the steps end at
+a pose that fits worse. So they start at several poses: the commanded one, and those around its middle's place among the
+points. The one that fits best is kept.
 """
 
 from __future__ import annotations
@@ -18,12 +23,19 @@ from ...physics.arm.kinematics import pose, turn
 _STEPS, _STILL = 40, 1e-6
 #: Points further than so many medians from the surface are outliers, but none that is this near, m.
 _OUTLIER, _NEAR_M = 2.5, 1e-3
-#: Damping of a step, as a share of the mean of the diagonal.
-_DAMPING = 1e-3
+#: How far a pose is off before anything is seen, standard deviations in rad and m: four degrees in a joint 2 m away.
+_TURN, _SHIFT_M = math.radians(4.0), 0.12
+#: Points that are off together: a window of 5 x 5 pixels; and the least noise of a point, m.
+_TOGETHER, _NOISE_M = 25, 2e-4
 #: Fewest points for a pose: a scoop of 10 x 8 cm has some 190 pixels in the paper's camera, and half of them are seen.
 FEWEST_POINTS = 40
 #: Most points that are matched: more cost time and change little.
 _MOST_POINTS = 500
+#: Turns (degrees, either way about each axis) of the other starts, points and steps that compare them, and what a start
+#: must lower the misfit of the commanded one to.
+_TURN_DEG, _FEW_POINTS, _FEW_STEPS, _BETTER = 15.0, 150, 15, 0.5
+#: Distances count to so far in a misfit, m: points of what is not the link are far from all poses.
+_FAR_M = 0.02
 
 
 @dataclass(frozen=True)
@@ -60,20 +72,47 @@ def find_pose(model: np.ndarray, points: np.ndarray, commanded: np.ndarray, eye:
     # Around its middle, as the site may be far from its origin; a turn about it moves the link least.
     middle = facing[:, :3].mean(axis=0)
     surface, scene = facing - np.append(middle, np.zeros(3)), points - middle
-    motion, left = np.eye(4), math.inf
-    for _ in range(_STEPS):
-        step, left = _step(_transformed(surface, motion), scene)
-        motion = step @ motion
-        if np.abs(step - np.eye(4)).max() < _STILL:
-            break
+    motion, left = _drawn(surface, scene, _best_start(surface, scene), _STEPS)
     found = commanded.copy()
     found[:3, :3] = motion[:3, :3] @ commanded[:3, :3]
     found[:3, 3] = motion[:3, :3] @ (commanded[:3, 3] - middle) + motion[:3, 3] + middle
     return PoseFound(found, left)
 
 
-def _step(surface: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, float]:
-    """The motion (4, 4) of a surface (n, 6) that brings it nearer to points (m, 3), and their distance from it, RMS."""
+def _best_start(surface: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The motion (4, 4) of a surface (n, 6) from which steps reach the pose that fits points (m, 3) best."""
+    few = points[::math.ceil(len(points) / _FEW_POINTS)]
+    moved = pose(None, np.median(points, axis=0))
+    turns = [turn(sign * axis, math.radians(_TURN_DEG)) for axis in np.eye(3) for sign in (-1.0, 1.0)]
+    starts = [np.eye(4), moved, *(moved @ pose(each, np.zeros(3)) for each in turns)]
+    reached = [_drawn(surface, few, start, _FEW_STEPS)[0] for start in starts]
+    misfits = np.array([_misfit(_transformed(surface, motion), few) for motion in reached])
+    best = int(misfits.argmin())
+    return reached[best if misfits[best] < _BETTER * misfits[0] else 0]
+
+
+def _drawn(surface: np.ndarray, points: np.ndarray, motion: np.ndarray, steps: int) -> tuple[np.ndarray, float]:
+    """The motion (4, 4) after so many steps at most that draw a surface (n, 6) to points (m, 3), and what is left."""
+    left = math.inf
+    for _ in range(steps):
+        step, left = _step(_transformed(surface, motion), points, motion)
+        motion = step @ motion
+        if np.abs(step - np.eye(4)).max() < _STILL:
+            break
+    return motion, left
+
+
+def _misfit(surface: np.ndarray, points: np.ndarray) -> float:
+    """How far points (m, 3) are from a surface (n, 6), RMS in m, none of them counting as farther than ``_FAR_M``."""
+    place = surface[:, :3]
+    squared = (place ** 2).sum(axis=1) - 2 * points @ place.T
+    apart = squared.min(axis=1) + (points ** 2).sum(axis=1)
+    return float(np.sqrt(np.clip(apart, 0.0, _FAR_M ** 2).mean()))
+
+
+def _step(surface: np.ndarray, points: np.ndarray, motion: np.ndarray) -> tuple[np.ndarray, float]:
+    """The motion (4, 4) of a surface (n, 6), after the ``motion`` that it has had, that brings it nearer to points
+    (m, 3) and to the commanded pose; and the points' distance from it, RMS."""
     place, normal = surface[:, :3], surface[:, 3:]
     squared = (place ** 2).sum(axis=1) - 2 * points @ place.T
     nearest = squared.argmin(axis=1)
@@ -82,15 +121,22 @@ def _step(surface: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, float]:
     kept = apart <= max(_OUTLIER * float(np.median(apart)), _NEAR_M)
     place, normal = place[kept], normal[kept]
     residual = ((points[kept] - place) * normal).sum(axis=1)
+    left = float(np.sqrt((residual ** 2).mean()))
     rows = np.hstack([np.cross(place, normal), normal])
-    # Turns weigh as much as shifts if they are measured at the size of the link.
-    size = max(float(np.sqrt((place ** 2).sum(axis=1).mean())), 1e-9)
-    rows[:, :3] /= size
-    square = rows.T @ rows
-    solved = np.linalg.solve(square + _DAMPING * np.trace(square) / 6 * np.eye(6), rows.T @ residual)
-    turned = solved[:3] / size
-    angle = float(np.linalg.norm(turned))
-    return pose(turn(turned / angle, angle) if angle else None, solved[3:]), float(np.sqrt((residual ** 2).mean()))
+    certainty = 1 / (_TOGETHER * max(left, _NOISE_M) ** 2)
+    off = np.append(_turn_vector(motion[:3, :3]), motion[:3, 3])
+    before = np.repeat([_TURN, _SHIFT_M], 3) ** -2.0
+    solved = np.linalg.solve(certainty * rows.T @ rows + np.diag(before), certainty * rows.T @ residual - before * off)
+    angle = float(np.linalg.norm(solved[:3]))
+    return pose(turn(solved[:3] / angle, angle) if angle else None, solved[3:]), left
+
+
+def _turn_vector(rotation: np.ndarray) -> np.ndarray:
+    """The axis of a rotation (3, 3) times its angle, rad; below half a turn."""
+    sines = np.array([rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0],
+                      rotation[1, 0] - rotation[0, 1]]) / 2
+    sine = float(np.linalg.norm(sines))
+    return sines * (math.atan2(sine, (np.trace(rotation) - 1) / 2) / sine) if sine else sines
 
 
 def _transformed(cloud: np.ndarray, motion: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from icymoon.stereo.decisions.report import COLUMNS, summarise
+from icymoon.stereo.decisions.report import COLUMNS, find_notes, head_sentences, summarise
 from icymoon.stereo.report.scene_intervals import wilson_interval
 
 SHARES = {column.key for column in COLUMNS if column.unit == "%"} | {"sites.average_precision", "sites.roc_area"}
@@ -45,3 +45,20 @@ def test_no_unsafe_site_in_any_scene_is_no_certainty():
     assert entry["intervals"]["sites.false_safe"] == pytest.approx(wilson_interval(0.0, 5))
     one = summary(*[(0.0, 0.5, 0.0, 0.01)] * 4, (0.01, 0.5, 0.0, 0.01))
     assert one["intervals"]["sites.false_safe"][1] < 0.01  # by Student's t again
+
+
+def test_where_no_image_shows_ground_in_reach_nothing_is_told_of_sites():
+    def rows(completeness):
+        sites = {"false_safe": None, "taken": 0.0, "safe_lost": 1.0, "roc": None, "base_rate": 0.9, "chosen": None,
+                 "unsafe_choice": None, "no_site": 1.0, "cells": [9, 9, 0, 0]}
+        return [{"pair": "a", "method": "true depth", "status": "ok", "numbers": {
+            "dem": {"completeness": completeness, "reached_completeness": 0.0}, "sites": sites}}]
+
+    facts = [{"pair": "a", "scene": "a", "sun_elevation_deg": 35.0, "exact": True, "arm": {"kind": "PARAMETRIC"}}]
+    for completeness in (None, 0.9):
+        found = rows(completeness)
+        head = head_sentences(summarise(found, facts, ["true depth"]), facts)
+        notes = [note for note in find_notes(found, facts) if "shows no cell in reach" in note]
+        assert bool(head) == (completeness is not None)
+        assert [note.split(",")[0] for note in notes] == (
+            ["The left image of 1 of 1 pairs shows no cell in reach"] if completeness is None else [])

@@ -55,6 +55,19 @@ def test_the_pose_is_found_from_3_degrees_and_10_mm_off(seed):
     assert after[1] < 3.0
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_the_pose_is_found_from_farther_away_than_the_box_is_long(seed):
+    random = np.random.default_rng(100 + seed)
+    way = random.standard_normal(3)
+    commanded = turned(random.standard_normal(3), 4.0, 0.13 * way / np.linalg.norm(way))
+    model = sample_surface(CORNERS, TRIANGLES, 6000, random)
+    seen = ((EYE - model[:, :3]) * model[:, 3:]).sum(axis=1) > 0
+    found = find_pose(model, model[seen, :3] + random.normal(0, 0.001, (seen.sum(), 3)), commanded, EYE, random)
+    mm, degrees = pose_error(found.pose, np.eye(4), np.array([0.06, 0.0, 0.03]))
+    assert mm < 4.0
+    assert degrees < 3.0
+
+
 def test_a_site_far_from_its_origin_changes_nothing():
     random, far = np.random.default_rng(9), np.array([3000.0, -2000.0, 50.0])
     model = sample_surface(CORNERS, TRIANGLES, 4000, random)
