@@ -227,6 +227,7 @@ def _build_objects(settings: Settings, meshed: MeshedGround | None) -> tuple[
     except IcyMoonError:  # an image that cannot be read
         bpy.data.meshes.remove(mesh)
         raise
+    warnings += ground_and_rock_materials.image_advice(settings, mesh)
     terrain = _tag(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
     terrain.pass_index = TERRAIN_INSTANCE
     camera = _tag(build_rig(f"{NAME} Camera", jittered_rig(settings), site_m), "camera")

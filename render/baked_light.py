@@ -48,10 +48,12 @@ from .workers.claims import Claims
 _SCHEME = 4
 #: Samples of each half of the first two bakes, whose difference shows how many it takes.
 _FIRST = 8
-#: What the noise over all light of the ground, from the side with most indirect light, is kept below quality.bake_noise
-#: by. Images show parts of the ground, and those with more noise are traced after all, which costs more than some
-#: samples more.
-_MARGIN = 1.4
+#: Height above the ground of the eye from which the share of indirect light is found, m: that of a mast.
+_EYE_M = 1.5
+#: What the noise over all light, in the direction with most indirect light, is kept below quality.bake_noise by. Images
+#: show other parts of the ground, and those with more noise are traced after all, which costs more than some samples
+#: more.
+_MARGIN = 1.1
 #: Samples of the direct light, of which only the mean over the ground is needed.
 _DIRECT = 2
 _WAIT_S = 0.5
@@ -191,13 +193,17 @@ def _why_unsuitable(built: Built) -> str:
 def find_seen(built: Built, planned: PlannedPair) -> np.ndarray:
     """Which facets of the ground the cameras of a pair may see, bool (facets,)."""
     mesh, camera = built.terrain.data, built.camera
-    positions = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", positions)
     with turn_about_eye(camera, planned.turn_deg):
         to_camera = np.array(camera.matrix_world.inverted() @ built.terrain.matrix_world)
-    right, up, back = (positions.reshape(-1, 3) @ to_camera[:3, :3].T + to_camera[:3, 3]).T
+    right, up, back = (_read_positions(mesh) @ to_camera[:3, :3].T + to_camera[:3, 3]).T
     starts, _, corners, _ = _read_facets(mesh)
     return find_seen_facets(sides_passed(planned.settings.rig, right, -up, -back), starts, corners)
+
+
+def _read_positions(mesh: bpy.types.Mesh) -> np.ndarray:
+    positions = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", positions)
+    return positions.reshape(-1, 3)
 
 
 def _vertices_of(mesh: bpy.types.Mesh, facets: np.ndarray) -> np.ndarray:
@@ -239,9 +245,9 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, 
     mesh = terrain.data
     lit = np.ones(len(mesh.vertices), bool) if seen is None else _vertices_of(mesh, seen)
     triangles = (np.cumsum(lit) - 1)[_triangles(mesh, seen)]  # by the order of the vertices that get light
-    normals = np.empty(3 * len(lit), np.float32)
-    mesh.vertex_normals.foreach_get("vector", normals)
-    normals = normals.reshape(-1, 3)[lit]
+    positions = _read_positions(mesh)
+    under = np.argmin((positions[:, :2] ** 2).sum(axis=1))
+    eye = np.array([0.0, 0.0, positions[under, 2] + _EYE_M])
     numbers = _NO_ROCKS
     with _hidden(dark), _open_bake(terrain, scene, settings, lit) as (found, bake_texels):
         covered = _covered(bake_texels, int(seeds[4])) if rocks is not None else None
@@ -255,7 +261,7 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, 
         direct = run("DIRECT", _DIRECT, int(seeds[4]))
         count = min(_FIRST, quality.bake_samples // 2)
         halves = [run("INDIRECT", count, int(seed)) for seed in seeds[:2]]
-        share = largest_share(direct, (halves[0] + halves[1]) / 2, normals)
+        share = largest_share(direct, (halves[0] + halves[1]) / 2, positions[lit], triangles, eye)
         more = samples_needed(noise_of(halves, triangles), share, count, quality.bake_noise / _MARGIN,
                               quality.bake_samples // 2) - count
         if more > 0:

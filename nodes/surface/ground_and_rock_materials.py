@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import bpy
+import numpy as np
 
 from ...errors import IcyMoonError
 from ...formats import mesh_images
 from ...formats.mesh_images import MeshImage
 from ...labels import ROCK, TERRAIN, UV_LAYER
+from ...number_text import show_rounded
 from ...paper_stand_ins.cached_files import find_texture_files
 from ...paper_stand_ins.items import describe, items_of, texture_item
 from ...physics.scene_requirements import rendered_surface, surface_topics
@@ -22,9 +24,13 @@ from ..ground.dug_ground import DEPTH
 from ..ground.rocks import label_instances
 from ..ground.terrain_mesh import SPACING
 from ..ground.user_ground import file_of, is_mesh
+from .ground_colour import clean_albedo
 from .ice_material import build_material
-from .images import load_maps, measure_means
+from .images import load_maps, measure_brightness, measure_means
 from .textures import Textured
+
+#: Share of an image that may reflect more light than it gets before it is told: single pixels are noise.
+_TOO_BRIGHT = 0.005
 
 
 def advice(settings: Settings) -> list[str]:
@@ -89,6 +95,23 @@ def _load_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
         raise IcyMoonError("The ground is being edited; leave Edit Mode to see changes of surfaces with images by UV.")
     refuse_without_uv(settings, UV_LAYER in mesh.attributes)
     return Textured(textures, measure_means(mesh, load_maps(textures, _image_files(settings))), "UV")
+
+
+def image_advice(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
+    """A sentence on an albedo image that makes the ground of this mesh reflect more light than it gets; none if it does
+    not."""
+    textured = _load_textures(settings, mesh)
+    if textured is None or "albedo" not in textured.maps:
+        return []
+    of = textured.maps["albedo"]
+    values, mean = measure_brightness(of), max(sum(of.mean) / 3, 1e-6)
+    reflected = values / mean * clean_albedo(rendered_surface(settings, "surface"), settings)
+    share = 1.0 - float(np.interp(1.0, reflected, np.linspace(0.0, 1.0, len(values)), right=1.0))
+    if share < _TOO_BRIGHT:
+        return []
+    return [f"{show_rounded(100 * share)} % of the albedo image reflect more light than they get, up to "
+            f"{show_rounded(reflected[-1])} times, because the albedo of the surface is the mean of the image; an "
+            f"albedo of at most {show_rounded(mean / values[-1])} would not, or an image with less contrast."]
 
 
 def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:

@@ -22,6 +22,7 @@ from ...physics.surfaces.textures import SIZE, make_maps
 from ...typed_settings import TexturesSettings
 
 _KEY, _MEAN = "icymoon_key", "icymoon_mean"  # the key of an image, and the mean of its linear values
+_BRIGHTNESS = "icymoon_brightness"  # what ``measure_brightness`` found
 _SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # mark of the part on the ground, and the mean of that part
 #: Values of an image that are processed at once: a baked image may have 10⁹.
 _AT_ONCE = 1 << 24
@@ -87,6 +88,14 @@ def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, M
             values = _linear(each.image, pixels[texture_coordinates.pixels_at(points, *pixels.shape[:2])])
             each.image[_SHOWN], each.image[_SHOWN_MEAN] = mark, (weight @ values).tolist()
     return {kind: replace(each, mean=tuple(each.image[_SHOWN_MEAN])) for kind, each in found.items()}
+
+
+def measure_brightness(of: Map) -> np.ndarray:
+    """The linear values of the brightest band that 0, 1, ... 100 % of the pixels of an image have at most, (101,)."""
+    if _BRIGHTNESS not in of.image:
+        values = _linear(of.image, _read_pixels(of.image)).max(axis=-1)
+        of.image[_BRIGHTNESS] = np.percentile(values, np.arange(101)).tolist()
+    return np.array(of.image[_BRIGHTNESS])
 
 
 def _find_map(key: str) -> Map | None:

@@ -84,7 +84,10 @@ class Sampler:
                 for k, (place, _, _) in enumerate(self.pieces)]
 
     def _blended(self, kind: str, values: list[Any], mean: tuple[float, float, float]) -> Any:
-        """Output socket of mean + sum of share x (value - mean)."""
+        """Output socket of mean + sum of share x (value - mean), but no albedo below 0.
+
+        The squares of the shares add up to 1, so that contrast is kept, and the shares to more.
+        """
         if len(values) == 1:
             return values[0]
         total: Any = mean
@@ -92,7 +95,7 @@ class Sampler:
             apart = self.vector("SUBTRACT", f"{kind.title()} {k} Apart", value, mean)
             total = self.vector("ADD", f"{kind.title()} Sum {k}", total,
                                 self.vector("SCALE", f"{kind.title()} {k} Part", apart, scale=share))
-        return total
+        return self.vector("MAXIMUM", "At Least Black", total, (0.0, 0.0, 0.0)) if kind == "albedo" else total
 
     def sample(self, kind: str, of: Map) -> Any:
         """Output socket of the blended colour of a map."""

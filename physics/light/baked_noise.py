@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-#: Sides from which ground is looked at to find where most of its light is indirect, and the height of the eye there
-#: above the horizon: ground 4 m before an eye that is 1 m high.
-_SIDES, _EYE_DEG = 8, 14.0
+#: Directions that the share of indirect light is looked for in, their width, and how far below the horizon they go.
+_DIRECTIONS, _WIDE_DEG, _LOWEST_DEG = 12, 60.0, 60.0
 
 
 def noise_of(halves: Sequence[np.ndarray], triangles: np.ndarray) -> float:
@@ -29,18 +28,28 @@ def noise_of(halves: Sequence[np.ndarray], triangles: np.ndarray) -> float:
     return float(np.sqrt(np.mean(square))) / 2 / mean
 
 
-def largest_share(direct: np.ndarray, indirect: np.ndarray, normals: np.ndarray) -> float:
-    """Share of ``indirect`` light in all light of ground, as seen from the side from which it is largest.
+def largest_share(direct: np.ndarray, indirect: np.ndarray, positions: np.ndarray, triangles: np.ndarray,
+                  eye: np.ndarray) -> float:
+    """Share of ``indirect`` light in all light that an ``eye`` (3,) gets from ground, in the direction where it is
+    largest.
 
-    Both lights are (vertices, bands). From a side, ground is weighted by the cosine between its ``normals`` (vertices,
-    3) and the way to the eye, and ground that faces away is not seen. What hides what is left out. 0 without light.
+    Both lights are (vertices, bands), and the ground is ``positions`` (vertices, 3) and ``triangles`` (n, 3), which
+    count by their solid angles, and not if they face away. What hides others is left out, and so is what is nearly
+    below the eye. 0 without light.
     """
-    around = np.linspace(0, 2 * math.pi, _SIDES, endpoint=False)
-    up = math.radians(_EYE_DEG)
-    to_eye = np.stack([math.cos(up) * np.cos(around), math.cos(up) * np.sin(around), np.full(_SIDES, math.sin(up))])
-    weights = np.maximum(normals @ to_eye, 0.0).T
-    some, other = weights @ indirect.mean(axis=1), weights @ direct.mean(axis=1)
-    return float(np.divide(some, some + other, out=np.zeros(_SIDES), where=some > 0).max())
+    a, b, c = (positions[triangles[:, k]].astype(np.float64) for k in range(3))
+    way = eye - (a + b + c) / 3
+    far = np.linalg.norm(way, axis=1)
+    solid_angle = np.maximum((np.cross(b - a, c - a) / 2 * way).sum(axis=1), 0.0) / np.maximum(far, 1e-9) ** 3
+    solid_angle[way[:, 2] > math.sin(math.radians(_LOWEST_DEG)) * far] = 0.0
+    bearing = np.arctan2(way[:, 1], way[:, 0])
+    some, other = (light.mean(axis=1)[triangles].mean(axis=1) * solid_angle for light in (indirect, direct))
+    largest = 0.0
+    for middle in np.linspace(0, 2 * math.pi, _DIRECTIONS, endpoint=False):
+        within = np.cos(bearing - middle) >= math.cos(math.radians(_WIDE_DEG / 2))
+        of_indirect, of_direct = float(some[within].sum()), float(other[within].sum())
+        largest = max(largest, of_indirect / (of_indirect + of_direct) if of_indirect > 0 else 0.0)
+    return largest
 
 
 def samples_needed(noise: float, share: float, count: int, limit: float, most: int) -> int:

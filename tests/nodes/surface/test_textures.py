@@ -144,3 +144,18 @@ def test_a_set_of_no_images_is_said():
     scene = empty_scene()
     with pytest.raises(IcyMoonError, match=r"textures\.set"):
         scenes.build(scene, complete({"textures": {"set": "OWN"}}))
+
+
+def test_an_image_that_reflects_more_light_than_it_gets_is_told(registered, tmp_path):
+    # A quarter is white, the rest black: with an albedo of 0.6 the white part reflects 2.4 times its light.
+    path = png(tmp_path / "q.png", np.where(np.arange(64).reshape(8, 8) % 4 == 0, 1.0, 0.0)[..., None] * np.ones(3))
+    scene = empty_scene()
+    own = {"textures": {"set": "OWN", "albedo_file": str(path)}, "terrain": {"size_m": 8.0}}
+    told = [sentence for sentence in scenes.build(scene, complete(own, {"surface": {"albedo": 0.6}})).warnings
+            if "more light than they get" in sentence]
+    assert len(told) == 1
+    assert "25 % of the albedo image" in told[0]
+    assert "2.4 times" in told[0]
+    assert "at most 0.25" in told[0]
+    built = scenes.build(scene, complete(own, {"surface": {"albedo": 0.25}}))
+    assert not any("more light than they get" in sentence for sentence in built.warnings)

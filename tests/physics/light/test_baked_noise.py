@@ -41,26 +41,53 @@ def test_as_many_samples_are_asked_for_as_reach_the_limit():
     assert samples_needed(noise, share, 8, 0.0, 99) == 99
 
 
-def test_the_share_of_flat_ground_is_the_same_from_all_sides():
-    direct, indirect = np.array([[1.0, 2.0, 3.0], [3.0, 2.0, 1.0]]), np.full((2, 3), 0.5)
-    assert largest_share(direct, indirect, np.array([[0.0, 0.0, 1.0]] * 2)) == pytest.approx(0.2)
+def ground(height):
+    """Vertices of a grid of 20 m and 0.25 m spacing, and their triangles, upward."""
+    x, y = np.meshgrid(np.arange(-10.0, 10.01, 0.25), np.arange(-10.0, 10.01, 0.25))
+    index = np.arange(x.size).reshape(x.shape)
+    a, b, c, d = (part.ravel() for part in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]))
+    positions = np.stack([x, y, height(x, y)], axis=-1).reshape(-1, 3)
+    return positions, np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
-def test_the_largest_share_is_that_from_the_side_of_the_shadow():
-    # A ridge of 45°: one side is lit, the other only by what comes from elsewhere. An eye 14° high sees a side by the
-    # sum of cosine and sine of that, and the other not.
-    normals = np.array([[1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]]) / math.sqrt(2)
-    direct, indirect = np.array([[4.0] * 3, [0.0] * 3]), np.array([[1.0] * 3, [1.0] * 3])
-    assert largest_share(direct, indirect, normals) == pytest.approx(1.0)
-    # Of 11°, both sides are seen from each, by 0.43 and 0.05.
-    slope, up = math.radians(11.0), math.radians(14.0)
-    normals = np.array([[math.sin(slope), 0.0, math.cos(slope)], [-math.sin(slope), 0.0, math.cos(slope)]])
-    near, far = math.sin(up + slope), math.sin(up - slope)
-    assert largest_share(direct, indirect, normals) == pytest.approx((near + far) / (near + 5 * far))
+EYE = np.array([0.0, 0.0, 1.5])
+
+
+def test_the_share_of_even_light_is_the_same_in_all_directions():
+    positions, triangles = ground(lambda x, y: 0.2 * np.sin(x + y))
+    direct, indirect = np.full((len(positions), 3), 2.0), np.full((len(positions), 3), 0.5)
+    assert largest_share(direct, indirect, positions, triangles, EYE) == pytest.approx(0.2)
+
+
+def test_the_largest_share_is_that_of_where_shadow_fills_the_view():
+    positions, triangles = ground(lambda x, y: 0.0 * x)
+    indirect = np.full((len(positions), 3), 1.0)
+    azimuth = np.arctan2(positions[:, 1], positions[:, 0])
+    dark = np.where(np.abs(azimuth - math.pi / 3) < math.radians(45.0), 0.0, 4.0)[:, None] * np.ones(3)
+    assert largest_share(dark, indirect, positions, triangles, EYE) == pytest.approx(1.0)
+    # Half of a view of 60 degrees: 2 x 1 of 2 x 1 + 4, by area on the image.
+    narrow = np.where(np.abs(azimuth - math.pi / 3) < math.radians(15.0), 0.0, 4.0)[:, None] * np.ones(3)
+    assert largest_share(narrow, indirect, positions, triangles, EYE) == pytest.approx(2 / 6, rel=0.05)
+
+
+def test_far_shadow_counts_by_how_large_it_looks_and_ground_that_faces_away_not():
+    # All of the share is beyond 5 m: of the solid angle of flat ground from 0.87 m (60 degrees) to 10 m away.
+    positions, triangles = ground(lambda x, y: 0.0 * x)
+    far = np.hypot(positions[:, 0], positions[:, 1]) > 5.0
+    direct, indirect = np.where(far, 0.0, 1.0)[:, None] * np.ones(3), np.where(far, 1.0, 0.0)[:, None] * np.ones(3)
+
+    def down_to(r):
+        return 1 - 1.5 / math.hypot(r, 1.5)
+
+    low, edge = down_to(1.5 / math.tan(math.radians(60.0))), down_to(5.0)
+    found = largest_share(direct, indirect, positions, triangles, EYE)
+    ends = down_to(10.0), down_to(10.0 * math.sqrt(2))  # of a square
+    assert (ends[0] - edge) / (ends[0] - low) * 0.95 < found < (ends[1] - edge) / (ends[1] - low) * 1.05
+    assert largest_share(direct, indirect, positions, triangles[:, ::-1], EYE) == 0.0
 
 
 def test_without_light_there_is_nothing_to_do():
     dark = [np.zeros((5, 3))] * 2
     assert noise_of(dark, np.array([[0, 1, 2]])) == 0.0
-    assert largest_share(dark[0], dark[1], np.array([[0.0, 0.0, 1.0]] * 5)) == 0.0
+    assert largest_share(dark[0], dark[1], np.eye(5, 3), np.array([[0, 1, 2]]), EYE) == 0.0
     assert samples_needed(0.0, 0.0, 8, 0.01, 99) == 8 == samples_needed(0.2, 0.0, 8, 0.0, 99)
