@@ -1,7 +1,7 @@
 """The cost of a pair of snow in Icy Moon and with the settings of the GUISS paper's public code, in one run.
 
     python benchmarks/guiss_cost.py [--ground gentle] [--scale 0.25] [--pairs N] [--reference-samples N]
-        [--converged N] [--out FOLDER]
+        [--converged N] [--baked-pairs N] [--out FOLDER]
 
 The snow of the paper (Ramchander Bhaskara et al., "Icy Moon Surface Simulation and Stereo Depth Estimation for Sampling
 Autonomy", IEEE Aerospace Conference 2024) on ground of its terrain function, seen by its camera at 640 x 480 px. The
@@ -14,14 +14,17 @@ two thirds.
 Cost is processor seconds of all threads: ``first`` for a process that renders one pair (start, build, pair), ``more``
 for each further pair of the same process. Baked light is in ``first`` whole and not in ``more``. Ratios are those of
 ``more``, to which baked light is added divided by each number of ``--images`` that have the ground and the Sun in
-common, but not divided if it is baked only where a pair sees the ground. The first row renders only its two images and
-one depth. All others also render exact depth, normals and labels of both eyes. SGBM, StereoBM and JPLV are compared
-with the exact disparity where both eyes see: coverage, mean error, share wrong by more than 1 px, share wrong or
-missing. A row with more coverage includes harder pixels. So each row also shows its increase over the first, ± a
-standard error (jackknife over tiles): of the mean error of the pixels that both rows measure, and of the share wrong or
-missing. Radiance is compared with a render of many samples with all bounces and subsurface scattering: the mean, and
-the root mean square of the difference of a pixel over the mean. With ``--converged`` the increases are not over the
-first row, but over Lambert snow of that many samples without a denoiser. Needs Blender as a module.
+common, but not divided if it is baked only where a pair sees the ground. With ``--baked-pairs`` rows of baked light
+have more headings than others, and errors are those of the headings that all rows have.
+
+The first row renders only its two images and one depth. All others also render exact depth, normals and labels of both
+eyes. SGBM, StereoBM and JPLV are compared with the exact disparity where both eyes see: coverage, mean error, share
+wrong by more than 1 px, share wrong or missing. A row with more coverage includes harder pixels. So each row also shows
+its increase over the first, ± a standard error (jackknife over tiles): of the mean error of the pixels that both rows
+measure, and of the share wrong or missing. Radiance is compared with a render of many samples with all bounces and
+subsurface scattering: the mean, and the root mean square of the difference of a pixel over the mean. With
+``--converged`` the increases are not over the first row, but over Lambert snow of that many samples without a denoiser.
+Needs Blender as a module.
 """
 
 from __future__ import annotations
@@ -319,10 +322,11 @@ def main(options: argparse.Namespace, out: Path) -> None:
               flush=True)
 
     def render_row(rung: Rung, folder: Path) -> tuple[list[dict[str, Any]], list[Errors]]:
+        baked = rung.settings.get("quality", {}).get("indirect") == "BAKED"
         settings = description.merged(scene, description.check(dict(rung.settings), "benchmark"),
-                                      {"dataset": {"headings": options.pairs}})
+                                      {"dataset": {"headings": options.baked_pairs if baked else options.pairs}})
         pairs = rendered(rung, settings, folder)
-        return pairs, [errors(Path(pair["folder"]), methods) for pair in pairs]
+        return pairs, [errors(Path(pair["folder"]), methods) for pair in pairs[::len(pairs) // options.pairs]]
 
     if options.converged:
         rung = next(each for each in ladder() if each.name == LAMBERT)
@@ -360,6 +364,10 @@ if __name__ == "__main__":
     parser.add_argument("--ground", choices=tuple(GROUNDS), default="paper")
     parser.add_argument("--only", nargs="*", default=[], help="rows whose name contains one of these")
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--baked-pairs", type=int, help="pairs per row of baked light, a multiple of --pairs")
     given = parser.parse_args()
+    given.baked_pairs = given.baked_pairs or given.pairs
+    if given.baked_pairs % given.pairs:
+        parser.error("--baked-pairs is no multiple of --pairs; give one.")
     with tempfile.TemporaryDirectory() as scratch:
         main(given, (given.out or Path(scratch)).absolute())
