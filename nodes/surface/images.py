@@ -22,8 +22,10 @@ from ...physics.surfaces.textures import SIZE, make_maps
 from ...typed_settings import TexturesSettings
 
 _KEY, _MEAN = "icymoon_key", "icymoon_mean"  # the key of an image, and the mean of its linear values
-_BRIGHTNESS = "icymoon_brightness"  # what ``measure_brightness`` found
 _SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # mark of the part on the ground, and the mean of that part
+#: What ``measure_brightness`` found, by the key of the image. It is not stored with the image, because materials whose
+#: images have got another property count as edited.
+_measured_brightness: dict[str, np.ndarray] = {}
 #: Values of an image that are processed at once: a baked image may have 10⁹.
 _AT_ONCE = 1 << 24
 
@@ -92,10 +94,11 @@ def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, M
 
 def measure_brightness(of: Map) -> np.ndarray:
     """The linear values of the brightest band that 0, 1, ... 100 % of the pixels of an image have at most, (101,)."""
-    if _BRIGHTNESS not in of.image:
+    key = of.image[_KEY]
+    if key not in _measured_brightness:
         values = _linear(of.image, _read_pixels(of.image)).max(axis=-1)
-        of.image[_BRIGHTNESS] = np.percentile(values, np.arange(101)).tolist()
-    return np.array(of.image[_BRIGHTNESS])
+        _measured_brightness[key] = np.percentile(values, np.arange(101))
+    return _measured_brightness[key]
 
 
 def _find_map(key: str) -> Map | None:
