@@ -7,7 +7,6 @@ and lists that hold any number of one shape. Imports no Blender.
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,6 +17,7 @@ from typing import Any
 from .errors import IcyMoonError
 from .files import read_text
 from .suggestions import nearest
+from .support.foreign_bytes import parse_json
 from .system import name_fault
 
 
@@ -135,20 +135,6 @@ def check_record(data: Any, shape: Shape, where: object, fix: str) -> Any:
     if wrong:
         raise IcyMoonError(f"{where}: {wrong}; {fix}.")
     return data
-
-
-def parse_json(text: str | bytes) -> Any:
-    """The content of a JSON text. Raises ValueError for what is not JSON, or has a number that is not finite."""
-    try:
-        return json.loads(text, parse_float=_parse_finite, parse_constant=_parse_finite)
-    except RecursionError:
-        raise ValueError("too deep") from None
-
-
-def _parse_finite(text: str) -> float:
-    if not math.isfinite(float(text)):
-        raise ValueError(f"{text} is no number")
-    return float(text)
 
 
 def read_record(path: Path, shape: Shape, fix: str) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import codecs
 import errno
 import glob
 import hashlib
@@ -16,6 +15,7 @@ from typing import Any
 
 from . import system
 from .errors import DiskError, IcyMoonError
+from .support.foreign_bytes import MOST_TEXT, decode_text, read_regular
 
 PART = ".part"
 #: What usual file systems take: bytes of a name, characters of a path.
@@ -27,9 +27,6 @@ _FIXES = {errno.ENOSPC: "the disk is full; free some space or choose another fol
          errno.EPERM: "this folder may not be written to; choose another one",
          errno.ENOTDIR: "a part of this path is a file, not a folder; choose another folder",
          errno.EEXIST: "a file of this name is in the way; move it or choose another folder"}
-#: First bytes of text files, longest first, and the encoding that reads the file without them.
-_MARKS = {codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32", codecs.BOM_UTF8: "utf-8-sig",
-          codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 _OPEN = "another program has it open, or it may not be written to; close it there or choose another folder"
 _numbers = itertools.count(1)
 
@@ -70,17 +67,11 @@ def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
 
 
 def read_text(path: Path) -> str:
-    """The content of a text file: UTF-8, or the encoding of its first bytes, as PowerShell and Notepad write.
+    """The content of a text file of ours, see ``foreign_bytes.decode_text``.
 
-    Raises OSError as opening it does, ValueError where it is no such text.
+    Raises OSError as opening it does, ValueError where it is no text, or more than ``MOST_TEXT`` bytes.
     """
-    data = system.retry(path.read_bytes)
-    encoding = next((name for mark, name in _MARKS.items() if data.startswith(mark)), "utf-8")
-    try:
-        text = data.decode(encoding)
-    except UnicodeDecodeError as error:
-        raise ValueError(f"byte {error.start} is no text; save it as UTF-8") from None
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+    return decode_text(read_regular(path, MOST_TEXT))
 
 
 def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:

@@ -13,6 +13,7 @@ import shlex
 import shutil
 import signal
 import socket
+import stat
 import subprocess
 import sys
 import threading
@@ -81,6 +82,19 @@ def flush_handle(handle: int) -> None:
             fcntl.fcntl(handle, getattr(fcntl, "F_FULLFSYNC"))  # noqa: B009  mypy knows it on macOS only
             return
     os.fsync(handle)
+
+
+def open_regular(path: Path) -> IO[bytes]:
+    """Open a file for reading, if it is a regular one: a pipe or a device could hold up its reader for ever.
+
+    Raises OSError for any other.
+    """
+    flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
+    handle = os.open(path, flags)
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        os.close(handle)
+        raise OSError(errno.EINVAL, "it is no regular file", str(path))
+    return os.fdopen(handle, "rb")
 
 
 def retry(act: Callable[[], _Result]) -> _Result:

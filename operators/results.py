@@ -14,12 +14,13 @@ import bpy
 
 from .. import scene_properties
 from ..errors import IcyMoonError
-from ..file_shapes import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, parse_json, read_record
+from ..file_shapes import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, read_record
 from ..files import explain_disk_errors
 from ..settings import description
 from ..settings.table import Setting, all_settings
 from ..stereo.matchers.methods import describe_method
 from ..stereo.report.table_columns import NO_RESULT, RANKING
+from ..support.foreign_bytes import parse_json
 from ..typed_settings import Settings, typed
 from . import image_editor, own_reports
 from .jobs import push_undo

@@ -11,19 +11,13 @@ import tomllib
 from functools import cache
 from pathlib import Path
 
-import icymoon
 import pytest
-
-ROOT = Path(icymoon.__file__).parent
-#: Folders of the checkout that are no part of the package.
-APART = ("tests", "benchmarks", "docs", "build", "dist", "out")
-SOURCES = sorted(path for path in ROOT.rglob("*.py") if not path.relative_to(ROOT).parts[0].startswith((".", *APART)))
-IDS = [path.relative_to(ROOT).as_posix() for path in SOURCES]
+from sources import IDS, ROOT, SOURCES, tree_of
 
 #: The rooms from the ground up. A module imports from its own room and from those below it, wherever in the file the
 #: import stands. A room is a folder; a module at the root is a room by itself. All that is above has a place here.
 PURE = (
-    "errors", "suggestions", "number_text", "labels", "system", "files", "cache", "file_shapes", "scratch",
+    "errors", "suggestions", "number_text", "labels", "system", "support", "files", "cache", "file_shapes", "scratch",
     "version", "bundled_wheels", "terminal", "typed_settings", "plugins",
     "physics/rig", "physics/random_numbers", "physics/rocks", "physics/terrain/noise", "physics/terrain/roughness",
     "physics/terrain/landforms", "physics/terrain", "physics/mesh", "physics/arm", "physics/excavation",
@@ -48,12 +42,6 @@ def room_of(module: str) -> str:
     path = ROOT.joinpath(*module.split(".")) if module else ROOT
     parts = module.split(".") if path.is_dir() else module.split(".")[:-1]
     return "/".join(parts) or module or "__init__"
-
-
-@cache
-def tree_of(path: Path) -> ast.Module:
-    """The parsed source of a file, read once."""
-    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 @cache
@@ -296,7 +284,8 @@ def texts_without_encoding(tree: ast.AST) -> list[str]:
                    for word in node.keywords)
         if name in ("read_text", "write_text") and len(node.args) < (1 if name == "read_text" else 2):
             found.append(f"{name} in line {node.lineno}")
-        in_zip = any(word.arg == "force_zip64" for word in node.keywords)  # a member of an archive is always bytes
+        # A member of an archive is always bytes.
+        in_zip = any(word.arg == "force_zip64" for word in node.keywords) or ast.unparse(node.func) == "archive.open"
         if (name in ("open", "fdopen", "NamedTemporaryFile") and not binary and not in_zip
                 and ast.unparse(node.func) not in ("os.open", "webbrowser.open")) or text:
             found.append(f"{name} in line {node.lineno}")

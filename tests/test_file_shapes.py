@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
+from typing import IO
 
 import pytest
 from icymoon import cache, file_shapes, files, system
@@ -331,14 +332,14 @@ def test_a_pair_on_a_share_that_is_away_for_a_moment_is_there(tmp_path, monkeypa
     folder = whole(tmp_path / PAIRS[0].id)
     monkeypatch.setattr(system.time, "sleep", lambda seconds: None)
     fails = [OSError(errno.ESTALE, "stale")] * 2
-    real = Path.read_bytes
+    real = system.open_regular
 
-    def read(path: Path) -> bytes:
+    def open_later(path: Path) -> IO[bytes]:
         if fails:
             raise fails.pop()
         return real(path)
 
-    monkeypatch.setattr(Path, "read_bytes", read)
+    monkeypatch.setattr(system, "open_regular", open_later)
     assert is_complete(folder)
     assert not fails
 

@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...file_shapes import COUNT, TABLE, TEXT, Each, check_record, parse_json
+from ...file_shapes import COUNT, TABLE, TEXT, Each, check_record
 from ...files import explain_disk_errors, read_text, write_text
 from ...settings.description import asking_to_update, changed, check, merged, restored
 from ...settings.pair_ids import counts, value_in_id
 from ...settings.table import all_settings
+from ...support.foreign_bytes import parse_json
 from ...typed_settings import Settings
 from ...version import version
 from ..pairs.our_files import checked_id

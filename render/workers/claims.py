@@ -19,8 +19,9 @@ from pathlib import Path
 from typing import Any
 
 from ... import system
-from ...file_shapes import PROCESS, TEXT, Maybe, find_fault, parse_json
+from ...file_shapes import PROCESS, TEXT, Maybe, find_fault
 from ...files import PART, explain_disk_errors, find_leftover_parts, part_of, read_text
+from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT
 from ..pairs.our_files import is_claim, remove_ours
 from ..pairs.publish import resolve_leftover

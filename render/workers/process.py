@@ -20,7 +20,8 @@ from typing import IO, Any
 
 from ... import system
 from ...errors import IcyMoonError
-from ...file_shapes import TEXT, find_fault, parse_json
+from ...file_shapes import TEXT, find_fault
+from ...support.foreign_bytes import parse_json
 
 Message = dict[str, Any]
 _GRACE_S = 3.0

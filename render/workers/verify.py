@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError, describe_error
-from ...file_shapes import FILE_NAME, SHA256, Each, find_fault, parse_json
+from ...file_shapes import FILE_NAME, SHA256, Each, find_fault
 from ...files import read_text, sha256
 from ...formats.exr_layout import is_whole
 from ...physics.camera.blur import blur_identity
 from ...settings.description import digest
+from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT
 from ..pairs.our_files import INPUTS, find_reason_to_keep, is_claim, is_unfinished, remove_ours
 from ..pairs.pair_folder import Pair, is_complete, read_pair

@@ -31,9 +31,9 @@ import numpy as np
 
 from ... import system
 from ...errors import IcyMoonError
-from ...file_shapes import parse_json
 from ...render.pairs.pair_folder import StereoCamera
 from ...scratch import make_scratch_folder
+from ...support.foreign_bytes import parse_json
 from ..adapters.icymoon_serve import PROTOCOL, as_disparity
 from ..measure.costs import COSTS
 from .result import Result

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from ...errors import IcyMoonError
-from ...file_shapes import FILE_NAME, TEXT, Shape, find_fault, parse_json
+from ...file_shapes import FILE_NAME, TEXT, Shape, find_fault
 from ...files import explain_disk_errors, write_atomically
+from ...support.foreign_bytes import parse_json
 from ...system import flush_handle
 
 Row = dict[str, Any]

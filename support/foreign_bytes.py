@@ -1,0 +1,375 @@
+"""The one door for bytes that this process did not write.
+
+A file may come from a stranger, be cut off by a full disk, or be changed by hand. ``read`` hands it to a parser as
+``ForeignBytes``: a regular file of bounded size, whose parts are taken by a ``Cursor`` that only moves forward or by
+``part``, which charges every byte. A parser charges each count that the file states to the ``Budget`` before it makes
+room for it. Whatever a parser raises becomes one sentence. So a hostile file costs time in proportion to its size and
+memory within the budget.
+
+Parsers use no unanchored regular expression on foreign text; ``lines`` splits it. Imports no Blender.
+"""
+
+from __future__ import annotations
+
+import codecs
+import io
+import json
+import math
+import struct
+import tomllib
+import xml.etree.ElementTree as ElementTree
+import zipfile
+import zlib
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, TypeVar
+
+import numpy as np
+
+from .. import system
+from ..errors import IcyMoonError
+
+Parsed = TypeVar("Parsed")
+#: Default limits of one reading: bytes of the file, and bytes that its content may take in memory.
+MOST_BYTES, MOST_MEMORY = 2**30, 2**28
+#: Largest text file: a plan of 100,000 pairs has 40 MB. Longest line of a text that is read line by line.
+MOST_TEXT, LONGEST_LINE = 2**26, 2**16
+#: Each byte of a file may be read so many times; formats whose tables lead to their data need two.
+_MOST_READINGS = 4
+#: Members of an archive, bytes of an array's header.
+_MOST_MEMBERS, _MOST_HEADER = 1000, 10_000
+_TEXT_MARKS = {codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32", codecs.BOM_UTF8: "utf-8-sig",
+               codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
+
+
+class RefusedError(Exception):
+    """A file that is whole but cannot be used: the end of a sentence about it, with the fix and a full stop."""
+
+
+class OverBudgetError(Exception):
+    """A file asks for more memory or time than its reader grants, as the end of a sentence about it."""
+
+
+class Budget:
+    """The bytes of memory that a parser may still take."""
+
+    def __init__(self, most: int = MOST_MEMORY) -> None:
+        self.most = self.left = most
+
+    def charge(self, count: int, what: str = "content") -> int:
+        """Take ``count`` bytes before room is made for them; gives ``count``.
+
+        Raises ValueError for a negative count, OverBudgetError if fewer bytes are left.
+        """
+        if count < 0:
+            raise ValueError(f"{what} of {count} bytes")
+        if count > self.left:
+            raise OverBudgetError(f"asks for more than {self.most / 1e6:.0f} MB of memory for its {what}")
+        self.left -= count
+        return count
+
+
+class Cursor:
+    """Bytes that are taken one after the other; nothing is ever taken twice.
+
+    ``at`` counts from the beginning of the bytes, plus ``start``, for messages.
+    """
+
+    def __init__(self, data: bytes | memoryview, budget: Budget, start: int = 0) -> None:
+        self._data, self._at, self._start = memoryview(data).cast("B"), 0, start
+        self.budget = budget
+
+    @property
+    def at(self) -> int:
+        """The place of the next byte in the file."""
+        return self._start + self._at
+
+    @property
+    def left(self) -> int:
+        """How many bytes follow."""
+        return len(self._data) - self._at
+
+    def take(self, count: int) -> bytes:
+        """The next bytes. Raises ValueError if there are fewer, or the count is negative."""
+        if count < 0:
+            raise ValueError(f"a size of {count} at byte {self.at}")
+        if count > self.left:
+            raise ValueError(f"it ends {count - self.left} bytes early")
+        self._at += count
+        return bytes(self._data[self._at - count:self._at])
+
+    def skip(self, count: int) -> None:
+        """Leave out the next bytes. Raises ValueError as ``take`` does."""
+        if not 0 <= count <= self.left:
+            raise ValueError(f"a size of {count} at byte {self.at}, with {self.left} bytes left")
+        self._at += count
+
+    def skip_to(self, place: int) -> None:
+        """Go on at a place of the file. Raises ValueError if it is behind, or beyond the end."""
+        self.skip(place - self.at)
+
+    def unpack(self, layout: str) -> tuple[Any, ...]:
+        """The next numbers, of a layout of ``struct``."""
+        return struct.unpack(layout, self.take(struct.calcsize(layout)))
+
+    def number(self, layout: str) -> int:
+        """The next whole number, of a layout of ``struct`` such as ``<I``."""
+        return int(self.unpack(layout)[0])
+
+    def take_until(self, mark: bytes, most: int) -> bytes:
+        """The bytes before ``mark``, which is left out. Raises ValueError if it does not follow within ``most``."""
+        window = bytes(self._data[self._at:self._at + most + len(mark)])
+        end = window.find(mark)
+        if end < 0:
+            raise ValueError(f"no end of the text at byte {self.at}")
+        self._at += end + len(mark)
+        return window[:end]
+
+    def numbers(self, kind: Any, count: int, what: str = "numbers") -> np.ndarray:
+        """The next ``count`` values of a numpy type, as a read-only array without a copy of the bytes."""
+        dtype = np.dtype(kind)
+        if dtype.hasobject:
+            raise ValueError(f"{what} of type {dtype}")
+        if count < 0 or count * dtype.itemsize > self.left:
+            raise ValueError(f"{count} {what} at byte {self.at}, with {self.left} bytes left")
+        self._at += count * dtype.itemsize
+        return np.frombuffer(self._data[self._at - count * dtype.itemsize:self._at], dtype)
+
+
+class ForeignBytes:
+    """A file, or bytes from within one, and what reading it may take."""
+
+    def __init__(self, source: bytes | IO[bytes], size: int, budget: Budget) -> None:
+        self._source, self.size, self.budget = source, size, budget
+        self._readable = _MOST_READINGS * size + 2**16
+
+    def part(self, start: int, count: int) -> bytes:
+        """Bytes at any place. Raises ValueError for bytes that the file does not have, OverBudgetError if the same
+        bytes are asked for again and again."""
+        if start < 0 or count < 0 or start + count > self.size:
+            raise ValueError(f"{count} bytes at byte {start}, but it has {self.size}")
+        if count > self._readable:
+            raise OverBudgetError("refers to the same bytes again and again")
+        self._readable -= count
+        if isinstance(self._source, bytes):
+            return self._source[start:start + count]
+        self._source.seek(start)
+        data = self._source.read(count)
+        if len(data) != count:
+            raise ValueError(f"it ends {count - len(data)} bytes early")
+        return data
+
+    def cursor(self, start: int = 0, count: int | None = None) -> Cursor:
+        """A cursor over ``count`` bytes from ``start`` on, or all that follow."""
+        return Cursor(self.part(start, self.size - start if count is None else count), self.budget, start)
+
+    def content(self) -> bytes:
+        """All bytes."""
+        return self.part(0, self.size)
+
+    def text(self) -> str:
+        """The content as text, see ``decode_text``."""
+        return decode_text(self.content())
+
+
+def read(path: Path, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: str, most: int = MOST_BYTES,
+         memory: int = MOST_MEMORY) -> Parsed:
+    """What ``parse`` makes of a file.
+
+    ``kind`` names the format with its article, as in "a PLY file"; ``fix`` is an imperative without a full stop.
+    ``most`` limits the bytes of the file, ``memory`` what the parser charges. Raises IcyMoonError, one sentence, if the
+    file is missing, no regular file, too large, or not as the parser needs it.
+    """
+    try:
+        stream = system.retry(lambda: system.open_regular(path))
+    except (OSError, ValueError) as error:
+        raise IcyMoonError(f"{path} cannot be read ({_reason(error)}); {fix}.") from None
+    with stream:
+        size = stream.seek(0, io.SEEK_END)
+        if size > most:
+            raise IcyMoonError(f"{path} has {size / 1e6:.0f} MB, and {most / 1e6:g} MB are the most that is read; make "
+                               "it smaller.")
+        with explained(path, kind, fix):
+            return parse(ForeignBytes(stream, size, Budget(memory)))
+
+
+def parse_part(data: bytes, where: object, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: str,
+               memory: int = MOST_MEMORY) -> Parsed:
+    """What ``parse`` makes of bytes that are in memory. ``where`` names their file. Raises as ``read`` does."""
+    with explained(where, kind, fix):
+        return parse(ForeignBytes(data, len(data), Budget(memory)))
+
+
+@contextmanager
+def explained(where: object, kind: str, fix: str) -> Iterator[None]:
+    """Turn whatever a parser raises into one sentence."""
+    try:
+        yield
+    except IcyMoonError:
+        raise
+    except RefusedError as error:
+        raise IcyMoonError(f"{where}: {error}") from None
+    except OverBudgetError as error:
+        raise IcyMoonError(f"{where}: {error}; {fix}.") from None
+    except MemoryError:
+        raise IcyMoonError(f"{where}: needs more memory than there is; {fix}.") from None
+    except Exception as error:
+        raise IcyMoonError(f"{where}: is not {kind} that can be read ({_reason(error)}); {fix}.") from None
+
+
+def _reason(error: Exception) -> str:
+    """The reason of an error in a few words."""
+    if isinstance(error, OSError):
+        return error.strerror or type(error).__name__
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    if isinstance(error, KeyError):
+        return f"{str(error)[:80]} is missing"
+    lines_of = str(error).strip().splitlines()
+    return lines_of[0][:200].rstrip(".") if lines_of else type(error).__name__
+
+
+def read_regular(path: Path, most: int) -> bytes:
+    """The content of a regular file. Raises OSError if there is none, ValueError if it has more than ``most`` bytes."""
+    def read_all() -> bytes:
+        with system.open_regular(path) as stream:
+            return stream.read(most + 1)
+
+    data = system.retry(read_all)
+    if len(data) > most:
+        raise ValueError(f"it has more than {most / 1e6:g} MB")
+    return data
+
+
+def decode_text(data: bytes) -> str:
+    """A text in UTF-8, or in the encoding of its first bytes, as PowerShell and Notepad write; lines end in \\n.
+
+    Raises ValueError where it is no such text.
+    """
+    encoding = next((name for mark, name in _TEXT_MARKS.items() if data.startswith(mark)), "utf-8")
+    try:
+        text = data.decode(encoding)
+    except UnicodeDecodeError as error:
+        raise ValueError(f"byte {error.start} is no text; save it as UTF-8") from None
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def lines(data: bytes, longest: int = LONGEST_LINE) -> Iterator[tuple[int, bytes]]:
+    """Number, from 1, and bytes of each line, which ends in \\n, \\r\\n or \\r, without its end.
+
+    Raises ValueError for a line of more than ``longest`` bytes.
+    """
+    end = b"\r" if b"\n" not in data else b"\n"
+    at, number = 0, 0
+    while at < len(data):
+        number += 1
+        found = data.find(end, at, at + longest + 1)
+        stop = found if found >= 0 else len(data)
+        if stop - at > longest:
+            raise ValueError(f"line {number} has more than {longest} bytes")
+        line = data[at:stop]
+        yield number, line.removesuffix(b"\r")
+        at = stop + 1
+
+
+def parse_json(text: str | bytes) -> Any:
+    """The content of a JSON text. Raises ValueError for what is not JSON, or has a number that is not finite."""
+    try:
+        return json.loads(text, parse_float=_parse_finite, parse_constant=_parse_finite)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+
+
+def _parse_finite(text: str) -> float:
+    if not math.isfinite(float(text)):
+        raise ValueError(f"{text[:40]} is no number")
+    return float(text)
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """The content of a TOML text. Raises tomllib.TOMLDecodeError, a ValueError with line and column, for another."""
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise tomllib.TOMLDecodeError("it is nested too deeply") from None
+
+
+def parse_xml(text: str) -> ElementTree.Element:
+    """The root of an XML text without entities. Raises ValueError for a document type, which may define entities that
+    unfold without end or name other files, and for what is no XML."""
+    if "<!DOCTYPE" in text.upper() or "<!ENTITY" in text.upper():
+        raise ValueError("it has a document type, whose entities may grow without end")
+    try:
+        return ElementTree.fromstring(text.encode())
+    except ElementTree.ParseError as error:
+        raise ValueError(str(error)) from None
+
+
+def inflate(data: bytes, size: int, budget: Budget | None = None) -> bytes:
+    """The ``size`` bytes that zlib packed. Raises ValueError if they are not so many."""
+    if budget is not None:
+        budget.charge(size, "packed data")
+    unpacker = zlib.decompressobj()
+    try:
+        found = unpacker.decompress(data, size + 1)
+    except zlib.error as error:
+        raise ValueError(str(error)) from None
+    if len(found) != size:
+        raise ValueError(f"packed data of {'more' if len(found) > size else len(found)} bytes instead of {size}")
+    return found
+
+
+def parse_npy(foreign: ForeignBytes, kinds: str = "fiub") -> np.ndarray:
+    """The array of a file in numpy's format, of numbers of these ``kinds``, read-only.
+
+    Raises ValueError for another type, and for a shape that the file does not hold.
+    """
+    return _read_array(foreign.cursor(), kinds)
+
+
+def _read_array(cursor: Cursor, kinds: str) -> np.ndarray:
+    if cursor.take(6) != b"\x93NUMPY":
+        raise ValueError("it does not begin as an array")
+    major, _ = cursor.unpack("<2B")
+    if major not in (1, 2, 3):
+        raise ValueError(f"version {major} of an array")
+    length = cursor.number("<H" if major == 1 else "<I")
+    if length > _MOST_HEADER:
+        raise ValueError(f"a header of {length} bytes")
+    stated = io.BytesIO(struct.pack("<I", length) + cursor.take(length))
+    shape, by_columns, dtype = np.lib.format.read_array_header_2_0(stated)
+    if dtype.kind not in kinds or dtype.hasobject:
+        raise ValueError(f"values of type {str(dtype)[:40]}")
+    if len(shape) > 8 or any(type(each) is not int or each < 0 for each in shape):
+        raise ValueError("a shape that no array has")
+    count = math.prod(shape)
+    if count * dtype.itemsize != cursor.left:
+        raise ValueError(f"values of {cursor.left} bytes, not as its header states")
+    return cursor.numbers(dtype, count).reshape(shape, order="F" if by_columns else "C")
+
+
+def parse_npz(foreign: ForeignBytes, wanted: Collection[str] | None = None, kinds: str = "fiub"
+              ) -> dict[str, np.ndarray]:
+    """The arrays of an archive in numpy's format by name: all, or those ``wanted`` that it has.
+
+    Raises ValueError if it is damaged or an array is of another type, OverBudgetError if they are too large.
+    """
+    data = foreign.content()
+    if data.count(b"PK\x01\x02") > _MOST_MEMBERS:
+        raise ValueError(f"it has more than {_MOST_MEMBERS} members")
+    found = {}
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        for member in archive.infolist():
+            name = member.filename.removesuffix(".npy")
+            if wanted is not None and name not in wanted:
+                continue
+            if name in found or member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                raise ValueError(f"the member {name[:40]!r} is there twice, or packed in another way")
+            size = foreign.budget.charge(member.file_size, "arrays")
+            with archive.open(member) as stream:
+                content = stream.read(size)  # with a number, it never unpacks more
+            found[name] = _read_array(Cursor(content, foreign.budget), kinds)
+    return found
+
+
