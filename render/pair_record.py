@@ -11,13 +11,14 @@ import numpy as np
 
 from .. import compat
 from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
-from ..nodes.light.sun_lamp import angular_diameter, irradiance_wm2
+from ..nodes.light.sun_lamp import read_scene_sun
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import describe_hapke
 from ..paper_stand_ins.items import describe, items_of
 from ..physics import refused_scenes
 from ..physics.camera.blur import blur_of
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
+from ..physics.light.sky import compare_lights
 from ..physics.scene_requirements import find_left_out, traced_sentence
 from ..system import peak_memory_mib
 from ..typed_settings import Settings, WorkspaceSettings
@@ -28,12 +29,16 @@ from .pairs.pair_folder import EYES, FORMAT, VERSION, WORKSPACE_FILE, StereoCame
 from .plans.planned_pair import PlannedPair
 
 
-def _light_json(built: Built, toward_sun: np.ndarray) -> dict[str, Any]:
-    """The sky that was described, but for the Sun as it stands, which the user may have turned."""
-    described = built.sky
-    described["sun"] |= {"direction_to_world": toward_sun.tolist(), "irradiance_wm2": irradiance_wm2(built.sun),
-                         "angular_diameter_deg": math.degrees(angular_diameter(built.sun))}
-    return described
+def light_json(built: Built, source: str) -> dict[str, Any]:
+    """The sky as it stands: that of ``light.directions_from``, the ``source``, or as the user has turned its lamp."""
+    facts = built.sky
+    sun = read_scene_sun(built.sun, facts["sun"], source)
+    facts["sun"] = sun.to_json()
+    if planet := facts["planet"]:
+        over_sun = compare_lights(planet["irradiance_wm2"], planet["ground_irradiance_wm2"], sun.irradiance_wm2,
+                                  sun.ground_irradiance_wm2)
+        planet["over_sun"] = None if math.isinf(over_sun) else over_sun
+    return facts
 
 
 def _workspace_json(workspace: WorkspaceSettings) -> dict[str, Any]:
@@ -74,12 +79,13 @@ def _left_out(built: Built, settings: Settings, indirect: dict[str, Any] | None)
     return [*sentences, *(each for each in traced if each not in sentences)]
 
 
-def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], toward_sun: np.ndarray,
-           files: dict[str, Any], seconds: dict[str, float], denoiser: str,
-           indirect: dict[str, Any] | None) -> dict[str, Any]:
+def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], light: dict[str, Any],
+              files: dict[str, Any], seconds: dict[str, float], denoiser: str,
+              indirect: dict[str, Any] | None) -> dict[str, Any]:
     """The content of ``pair.json``, but for what is known only when it is finished.
 
-    ``denoiser`` is what the images went through, ``indirect`` what is to be stated of baked light, if anything.
+    ``light`` is of ``light_json``, ``denoiser`` what the images went through, ``indirect`` what is to be stated of
+    baked light, if anything.
     """
     settings = planned.settings
     camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
@@ -96,7 +102,7 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
         "poses_camera_to_world": {eye: _eye_pose(poses[eye], camera.eye_rotation(eye)).tolist() for eye in EYES},
         "poses_rectified_to_world": {eye: poses[eye].tolist() for eye in EYES},
         "blur": blur.to_json() if blur else None,
-        "light": _light_json(built, toward_sun),
+        "light": light,
         "left_out": _left_out(built, settings, indirect), "advice": refused_scenes.scene_advice(settings),
         "channels": _channels(settings.quality.truth),
         "seeds": {"dataset": settings.dataset.seed, "render": planned.render_seed},

@@ -40,7 +40,7 @@ from .cycles_errors import first_line
 from .ground_maps import make_heights, workspace_extent
 from .lander_record import lander_json
 from .object_labels import lend_labels
-from .pair_record import pair_json
+from .pair_record import light_json, pair_json
 from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE, WORKSPACE_FILE, StereoCamera
 from .pairs.publish import discard, publish
 from .plans.planned_pair import PlannedPair
@@ -211,7 +211,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                             if layer == BEAUTY and indirect.lights:
                                 shares[eye] = _add_baked_light(file, planned)
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
-        toward_sun = np.array(built.sun.matrix_world.to_3x3().col[2])
+        light = light_json(built, settings.light.directions_from)
         if settings.workspace.cell_m > 0:
             _write_workspace(part / WORKSPACE_FILE, built, scene, settings)
     rendered = time.perf_counter() - start
@@ -220,7 +220,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     written = {name: _merge_layers(layers, part / name, rounded) for name, layers in sorted(files.items())}
     if settings.workspace.cell_m > 0:
         written[WORKSPACE_FILE] = _fact_of(part / WORKSPACE_FILE)
-    return {**pair_json(built, planned, poses, toward_sun, written, {
+    return {**pair_json(built, planned, poses, light, written, {
         "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
         "write": round(time.perf_counter() - start, 3)}, quality.denoiser, indirect.to_json(shares)),
         **lander_json(built, settings, poses, part)}

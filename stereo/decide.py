@@ -18,6 +18,7 @@ from ..errors import DiskError, IcyMoonError, describe_error
 from ..file_shapes import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ..files import write_json
 from ..physics.excavation import reach
+from ..physics.light.sky import elevation_deg
 from ..physics.random_numbers.seeds import generator
 from ..version import version
 from .artefacts import check_output_folder, files_exist, remove_leftovers
@@ -247,13 +248,13 @@ def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
     write_bytes(folder / "reach.npy", _npy(workspace.reached))
     files = {"left": "left.png", "truth": "truth_sites.png", "truth_tif": "truth_dem.tif", "truth_dem": "truth_dem.npy",
              "truth_suitability": "truth_suitability.npy", "reach": "reach.npy"}
-    grid, up = workspace.grid, float(toward_sun(workspace.pair)[2])
+    grid = workspace.grid
     write_json(folder / "decisions.json", {
         "pair": name, "scene": series_of(prepared.facts["settings"]),
         "site": site_of(prepared.facts["settings"]), "key": key, "exact": workspace.exact,
         "arm": has_arm(workspace.pair.settings), "joints": stated_joints(workspace.pair),
         "cell_m": grid.cell_m, "rows": grid.rows, "columns": grid.columns, "origin_m": [grid.west_m, grid.north_m],
-        "sun_elevation_deg": float(np.degrees(np.arcsin(np.clip(up, -1, 1)))),
+        "sun_elevation_deg": elevation_deg(toward_sun(workspace.pair)),
         "excavation": _excavation(workspace), "render_seed": workspace.pair.data.get("seeds", {}).get("render"),
         "height_px": int(prepared.left.shape[0]),
         "suspect": not prepared.check.ok, "noise": prepared.facts.get("noise"),

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import bpy
 import numpy as np
 from mathutils import Vector
 
 from ... import compat
+from ...physics.light.scene_sun import SceneSun, as_it_stands, described_by
 from ...physics.light.sky import Sky
 from ..tree.builder import Tree
 
@@ -55,6 +58,16 @@ def angular_diameter(sun: bpy.types.Object) -> float:
     if lamp.type == "SUN":
         return float(lamp.angle)
     return 2 * math.asin(min(lamp.shadow_soft_size / max(sun.location.length, 1e-9), 1.0))
+
+
+def read_scene_sun(sun: bpy.types.Object, facts: Mapping[str, Any], source: str) -> SceneSun:
+    """The Sun of the lamp as it stands. ``facts`` and ``source`` are what set it up: the table of ``sky.sky_facts`` and
+    the choice of ``light.directions_from``."""
+    direction, distance = sun.matrix_world.to_3x3().col[2].normalized(), 0.0
+    if sun.data.type != "SUN":  # light comes from its place, whichever way it is turned
+        direction, distance = sun.location.normalized(), sun.location.length
+    return as_it_stands(described_by(facts, source), np.array(direction), irradiance_wm2(sun),
+                        math.degrees(angular_diameter(sun)), distance)
 
 
 def build_sky(name: str) -> bpy.types.World:

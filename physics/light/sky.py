@@ -72,10 +72,15 @@ class Sky:
         """Light of the planet over that of the Sun, on level ground or on ground that faces them, whichever is more;
         infinite by night, 0 without a planet that is up and lit."""
         planet = irradiance_wm2(self.planet) if self.planet and self.planet_is_up else 0.0
-        if planet <= 0:
-            return 0.0
-        (sun_level, planet_level), sun = self.ground_irradiance_wm2, self.sun_irradiance_wm2 * (1.0 - self.eclipse)
-        return max(planet_level / sun_level, planet / sun) if sun_level > 0 else math.inf
+        sun_level, planet_level = self.ground_irradiance_wm2
+        return compare_lights(planet, planet_level, self.sun_irradiance_wm2 * (1.0 - self.eclipse), sun_level)
+
+
+def compare_lights(planet: float, planet_level: float, sun: float, sun_level: float) -> float:
+    """``Sky.planet_over_sun`` from irradiances in W/m² on ground that faces a light, and on level ground."""
+    if planet <= 0:
+        return 0.0
+    return max(planet_level / sun_level, planet / sun) if sun_level > 0 else math.inf
 
 
 def elevation_deg(direction: np.ndarray) -> float:

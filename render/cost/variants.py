@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...errors import IcyMoonError
+from ...physics.light.sky import sky
 from ...physics.scene_requirements import (
     follows_walk,
     images_per_bake,
@@ -235,7 +236,7 @@ def _surface_models(group: str, settings: Settings) -> list[Variant]:
 
 def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
     """Hapke settings with the surface's albedo for sunlight on level ground: isotropic, smooth, without surges."""
-    incidence = math.radians(90.0 - min(max(settings.light.sun_elevation_deg, 1.0), 90.0))
+    incidence = math.radians(90.0 - min(max(sky(settings.light).sun_elevation_deg, 1.0), 90.0))
 
     def albedo(w: float) -> float:
         def law(i: Any, e: Any, psi: Any) -> Any:

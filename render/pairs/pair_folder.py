@@ -37,6 +37,7 @@ from ...file_shapes import (
     parse_json,
 )
 from ...files import PART, json_text, read_text, replace_if_unchanged, sha256
+from ...physics.light.scene_sun import SceneSun, from_json
 from ...physics.rig.focal_length import focal_px
 from ...settings.changes import response
 from ...settings.description import merged, restored
@@ -182,6 +183,11 @@ class Pair:
     def name(self) -> str:
         """Its name in a data set and in results."""
         return self.folder.name
+
+    @property
+    def sun(self) -> SceneSun | None:
+        """The Sun that lit its images; None if the pair does not contain it."""
+        return from_json(self.data.get("light"))
 
     @property
     def rectified_poses(self) -> dict[str, Any] | None:

@@ -97,14 +97,10 @@ def open_workspace(prepared: Prepared, rules: Rules, cell_m: float | None = None
 
 def toward_sun(pair: Pair) -> np.ndarray:
     """Unit vector from the site to the Sun. Raises IcyMoonError if the pair does not contain it."""
-    try:
-        found = np.array(pair.data["light"]["sun"]["direction_to_world"], np.float64)
-    except (KeyError, TypeError, ValueError):
-        found = np.empty(0)
-    if found.shape != (3,) or not np.isfinite(found).all() or not found.any():
+    if pair.sun is None:
         raise IcyMoonError(f"{pair.folder / 'pair.json'} does not contain the direction of the Sun; render the pair "
                            "again.")
-    return np.asarray(found / np.linalg.norm(found))
+    return pair.sun.direction
 
 
 def decide(workspace: Workspace, depth_m: np.ndarray, pose: np.ndarray | None = None) -> Maps:

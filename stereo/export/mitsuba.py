@@ -151,10 +151,8 @@ def _camera(pair: Pair, eye: str) -> Plugin:
 
 def _lights(pair: Pair, shown: Sky, folder: Path) -> dict[str, Plugin]:
     found: dict[str, Plugin] = {}
-    sun = pair.data["light"]["sun"]
-    energy = float(sun["irradiance_wm2"]) * (1.0 - float(sun.get("eclipse", 0.0)))
-    if energy > 0 and shown.sun_is_up:
-        found["sun"] = _sun(np.array(sun["direction_to_world"]), energy, float(sun["angular_diameter_deg"]))
+    if pair.sun is not None and pair.sun.irradiance_wm2 > 0:
+        found["sun"] = _sun(pair.sun.direction, pair.sun.irradiance_wm2, pair.sun.angular_diameter_deg)
     if shown.planet is not None and shown.planet_is_up and irradiance_wm2(shown.planet) > 0:
         write_pfm(folder / "planet.pfm", _sky_map(VisibleCap(shown.planet)))
         # Its pole is y, and the middle of its columns looks along z, which is north here.

@@ -32,8 +32,10 @@ BANDS = ("R 620 nm", "G 550 nm", "B 460 nm")
 @dataclass(frozen=True)
 class Photometry:
     """What an eye sees, (H, W): the radiance factor of each band (H, W, 3), and angles in degrees between the normal of
-    the facet, the Sun and the camera; NaN where there is no ground, and for incidence and emission without normals."""
+    the facet, the Sun and the camera; NaN where there is no ground, and for incidence and emission without normals.
+    ``irradiance_wm2`` is E, the mean of the bands."""
 
+    irradiance_wm2: float
     radiance_factor: np.ndarray
     incidence_deg: np.ndarray
     emission_deg: np.ndarray
@@ -43,22 +45,19 @@ class Photometry:
 def photometry_of(pair: Loaded, eye: str) -> Photometry:
     """The photometry of an eye. Raises IcyMoonError if the pair does not contain the Sun or the camera's pose, if no
     sunlight falls on it, or if its light is no Sun but a lamp nearby."""
-    sun = (pair.pair.data.get("light") or {}).get("sun") or {}
-    pose = pair.pair.rectified_pose(eye)
-    if "irradiance_wm2" not in sun or "direction_to_world" not in sun or pose is None:
+    sun, pose = pair.pair.sun, pair.pair.rectified_pose(eye)
+    if sun is None or pose is None:
         raise IcyMoonError(f"{pair.pair.folder / 'pair.json'} does not contain the Sun and the camera's pose; render "
                            "the pair again.")
-    irradiance = float(sun["irradiance_wm2"]) * float(pair.settings.light[LIGHT_GROUPS["Sun"]])
+    irradiance = sun.irradiance_wm2 * float(pair.settings.light[LIGHT_GROUPS["Sun"]])
     if not irradiance > 0:
         raise IcyMoonError(f"{pair.pair.folder}: no sunlight falls on this scene, so I/F is not defined; raise "
                            "light.sun_irradiance_wm2 or light.sun_scale.")
-    if pair.pair.settings.light.sun_distance_m:
+    if sun.distance_m:
         raise IcyMoonError(f"{pair.pair.folder}: light falls off from a lamp at light.sun_distance_m, so there is no "
                            "one irradiance, and I/F is not defined; render with the Sun (light.sun_distance_m 0).")
     by_band = irradiance * sun_colour(float(pair.pair.settings.light.sun_temperature_k))
     view, camera, depth = pair.views[eye], pair.pair.camera, pair.depth[eye]
-    toward_sun = np.array(sun["direction_to_world"], np.float64)
-    toward_sun /= np.linalg.norm(toward_sun)
     rays = rays_of(camera)
     back = -(rays / np.linalg.norm(rays, axis=-1, keepdims=True)) @ pose[:3, :3].T
     known = np.isfinite(depth)
@@ -70,9 +69,9 @@ def photometry_of(pair: Loaded, eye: str) -> Photometry:
     normal = view.normal
     radiance = np.asarray(scaled_radiance(view, pair.pair, pair.settings.light), np.float64)
     return Photometry(
-        np.where(known[..., None], math.pi * radiance / by_band, np.nan),
-        none if normal is None else angle(normal @ toward_sun),
-        none if normal is None else angle((normal * back).sum(axis=-1)), angle(back @ toward_sun))
+        irradiance, np.where(known[..., None], math.pi * radiance / by_band, np.nan),
+        none if normal is None else angle(normal @ sun.direction),
+        none if normal is None else angle((normal * back).sum(axis=-1)), angle(back @ sun.direction))
 
 
 def write_fits(pair: Loaded, out: Path) -> None:
@@ -87,7 +86,7 @@ def write_fits(pair: Loaded, out: Path) -> None:
             "CXPX": (camera.cx_px, "[px] principal point from the left edge"),
             "CYPX": (camera.height_px - camera.cy_px, "[px] principal point from the bottom edge"),
             "BASELINE": (camera.baseline_m, "[m] distance of the eyes"),
-            "SUNIRRAD": (float(pair.pair.data["light"]["sun"]["irradiance_wm2"]), "[W/m2] E of pi L / E"),
+            "SUNIRRAD": (found.irradiance_wm2, "[W/m2] E of pi L / E"),
             **{f"BAND{k}": (name, "plane") for k, name in enumerate(BANDS, 1)}}
         images = [Image("RADIANCE FACTOR", found.radiance_factor, "", cards),
                   Image("INCIDENCE", found.incidence_deg, "deg"), Image("EMISSION", found.emission_deg, "deg"),

@@ -52,8 +52,7 @@ class _Index:
     def add(self, pair: Loaded, split: str, shard: str) -> None:
         """Add a pair in a split and a file."""
         row = describe_row(pair, split)
-        self.rows.append({"shard": shard, **row, "depth_median_m": "" if row["depth_median_m"] is None else
-                          row["depth_median_m"]})
+        self.rows.append({"shard": shard, **{key: "" if value is None else value for key, value in row.items()}})
 
     def write(self, out: Path) -> None:
         """Write ``index.csv``."""
@@ -71,10 +70,15 @@ def describe_row(pair: Loaded, split: str) -> dict[str, Any]:
     occluded = known & ~pair.visible["left"]
     return {"key": pair.pair.id, "split": split, "scene": scene_of(pair.pair),
             "width_px": camera.width_px, "height_px": camera.height_px, "focal_px": camera.focal_px,
-            "baseline_m": camera.baseline_m, "sun_elevation_deg": pair.settings.light.sun_elevation_deg,
+            "baseline_m": camera.baseline_m, "sun_elevation_deg": _sun_elevation_deg(pair),
             "seed": pair.settings.dataset.seed,
             "depth_median_m": round(float(np.median(depth[known])), 4) if known.any() else None,
             "occluded_share": round(float(occluded.sum() / max(1, known.sum())), 4)}
+
+
+def _sun_elevation_deg(pair: Loaded) -> float | None:
+    """Height of the Sun that lit the images, whatever it came from; None if the pair does not contain it."""
+    return None if pair.pair.sun is None else round(pair.pair.sun.elevation_deg, 4)
 
 
 def write_webdataset(each: Each, out: Path) -> None:
@@ -224,9 +228,9 @@ def _card(index: _Index, layout: str, how: str) -> str:
     scenes = {split: len({row["scene"] for row in rows if row["split"] == split}) for split in splits}
     table = "".join(f"| {split} | {count} | {scenes[split]} |\n" for split, count in sorted(splits.items()))
     depths = [row["depth_median_m"] for row in rows if row["depth_median_m"] != ""]
-    suns = [row["sun_elevation_deg"] for row in rows]
-    spread = (f"The median depth of a pair is {min(depths):g} to {max(depths):g} m, the Sun stands {min(suns):g} to "
-              f"{max(suns):g} degrees high.\n" if depths else "")
+    suns = [row["sun_elevation_deg"] for row in rows if row["sun_elevation_deg"] != ""]
+    spread = f"The median depth of a pair is {min(depths):g} to {max(depths):g} m.\n" if depths else ""
+    spread += f"The Sun stands {min(suns):g} to {max(suns):g} degrees above the horizon.\n" if suns else ""
     return (f"# Stereo pairs of icy moons\n\nMade by Icy Moon {version()}, a simulator; no image here is a photograph. "
             f"{len(rows)} pairs in {layout}. {how}\n\n| split | pairs | scenes |\n|---|---|---|\n"
             f"{table}\n{spread}\nA scene, the shape of its ground and rocks, is in one split only. Disparity is exact "

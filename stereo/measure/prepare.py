@@ -148,8 +148,9 @@ def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared
     view, truth, visible = loaded.views["left"], loaded.depth["left"], loaded.visible["left"]
     left, right = loaded.images.for_matchers()
     gradient = texture(left)
+    sun = loaded.pair.sun
     classes = classify(truth, visible, gradient, grey(view.radiance), view.normal, view.semantic,
-                       _toward_sun(loaded.pair), loaded.images.blocked.get("left"))
+                       sun.direction.tolist() if sun else None, loaded.images.blocked.get("left"))
     scale = colours.depth_scale(truth)
     facts = _facts(loaded.pair, loaded.settings, loaded.images, truth, visible)
     noise = render_noise(_noise_free_level(loaded, "left"), _noise_free_level(loaded, "right"),
@@ -209,15 +210,6 @@ def _labelled(view: View, seen: np.ndarray) -> View:
         return view
     return replace(view, instance=None if view.instance is None else np.where(seen, view.instance, 0),
                    semantic=None if view.semantic is None else np.where(seen, view.semantic, NOT_SEEN))
-
-
-def _toward_sun(pair: Pair) -> list[float] | None:
-    """Unit vector to the Sun in world axes; None if the pair does not contain it."""
-    try:
-        x, y, z = (float(value) for value in pair.data["light"]["sun"]["direction_to_world"])
-    except (KeyError, TypeError, ValueError):
-        return None
-    return [x, y, z]
 
 
 def _facts(pair: Pair, settings: Settings, images: Images, truth: np.ndarray, visible: np.ndarray) -> dict[str, Any]:

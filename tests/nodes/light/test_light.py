@@ -203,6 +203,42 @@ def test_what_the_planet_hides_of_the_sun_the_ground_lacks(tmp_path):
     assert view.radiance.mean() == pytest.approx(expected, rel=1e-3)
 
 
+def turn_by_hand(lamp) -> None:
+    lamp.rotation_euler = (0.0, math.radians(40.0), 0.0)  # toward the east, 50 degrees up
+    lamp.data.energy = 10.0
+
+
+@pytest.mark.parametrize(("light", "source"), [
+    ({"sun_elevation_deg": 20.0, "planet": False}, "ANGLES"),
+    ({"directions_from": "DATE", "body": "ENCELADUS", "date_utc": "2027-03-01T12:00:00", "latitude_deg": 10.0,
+      "longitude_deg": 20.0, "planet": False}, "DATE"),
+    ({"planet": True, "planet_elevation_deg": 30.0, "planet_azimuth_deg": 60.0, "sun_elevation_deg": 30.01,
+      "planet_angular_diameter_deg": 0.05, "planet_albedo": 0.0}, "ANGLES"),
+    ({"sun_elevation_deg": 20.0, "planet": False}, "HAND"),
+    ({"directions_from": "DATE", "body": "ENCELADUS", "date_utc": "2027-03-01T12:00:00", "planet": False}, "HAND")],
+    ids=["angles", "date", "half hidden", "by hand", "date, by hand"])
+def test_the_record_states_the_sun_that_the_images_have(tmp_path, light, source):
+    """Lambert's law on a level plane turns the light of the images into the Sun's irradiance on level ground."""
+    settings = complete(LAMBERT, DOWN, {"light": light, "quality": {"samples": 16}})
+    scene = empty_scene()
+    built = scenes.build(scene, settings)
+    if source == "HAND":
+        turn_by_hand(built.sun)
+    (folder,) = render_pairs(built, expand_headings(settings), tmp_path, 1, 0.0, lambda *a, **k: None)
+    pair = read_pair(folder)
+    sun, radiance = pair.data["light"]["sun"], read_view(pair.image("left")).radiance.mean()
+    assert sun["source"] == source
+    assert sun["ground_irradiance_wm2"] == pytest.approx(radiance * math.pi / 0.8, rel=1e-3)
+    up = sun["direction_to_world"][2]
+    assert math.sin(math.radians(sun["elevation_deg"])) == pytest.approx(up, abs=1e-9)
+    assert sun["ground_irradiance_wm2"] == pytest.approx(sun["irradiance_wm2"] * up)
+    if source == "HAND":
+        assert (sun["elevation_deg"], sun["azimuth_deg"]) == pytest.approx((50.0, 90.0), abs=1e-4)
+        assert sun["irradiance_wm2"] == pytest.approx(10.0)
+    else:
+        assert sun["elevation_deg"] == pytest.approx(sky(settings.light).sun_elevation_deg, abs=1e-4)
+
+
 @pytest.mark.parametrize("diameter", [0.5, 2.0])
 def test_a_penumbra_is_as_wide_as_the_sun(tmp_path, diameter):
     """A wall's shadow under the Sun at 45°: from full light to none over the diameter seen from the wall's top."""

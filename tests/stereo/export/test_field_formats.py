@@ -191,6 +191,7 @@ def test_there_is_no_radiance_factor_under_a_lamp_nearby(tmp_path, dataset):
         defaults(), {"light": {"sun_distance_m": 3.0}}))
     data = json.loads((dataset / "pairs" / "0123456789ab" / "pair.json").read_text(encoding="utf-8"))
     own = json.loads((folder / "pair.json").read_text(encoding="utf-8"))
+    data["light"]["sun"]["distance_m"] = 3.0
     (folder / "pair.json").write_text(json.dumps(own | {key: data[key] for key in (
         "poses_rectified_to_world", "light")}), encoding="utf-8")
     (failure,) = export([tmp_path], "tiff", tmp_path / "out")

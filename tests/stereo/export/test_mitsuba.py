@@ -12,10 +12,13 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+import pairs
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.physics.light.planetshine import VisibleCap, irradiance_wm2
+from icymoon.physics.light.scene_sun import SceneSun
 from icymoon.physics.light.sky import sky
+from icymoon.render.pairs.pair_folder import Pair
 from icymoon.settings.description import check, defaults, merged
 from icymoon.stereo.export import mitsuba
 from icymoon.version import ROOT
@@ -43,6 +46,16 @@ def test_the_map_of_the_sky_brings_the_planets_light(changes, error):
     # A limb, and a horizon that cuts the disc, in pixels of 0.1 degrees, on a disc of 29.
     assert np.sum(found * solid * np.maximum(up, 0)) == pytest.approx(
         irradiance_wm2(shown.planet, np.array([0.0, 0.0, 1.0])), rel=error)
+
+
+def test_what_the_planet_hides_of_the_sun_is_left_out_once(tmp_path):
+    """A pair's record states the irradiance without what is hidden."""
+    half = SceneSun(np.array([0.0, 0.6, 0.8]), 7.0, 0.05, "ANGLES", eclipse=0.5)
+    pair = Pair(tmp_path, "0" * 12, settings(), pairs.camera(), {"light": {"sun": half.to_json()}})
+    shown = sky(settings({"light": {"planet": False}}).light)
+    lights = mitsuba._lights(pair, shown, tmp_path)
+    radiance, angle = lights["sun"]["emitter"]["radiance"][0], math.radians(0.05 / 2)
+    assert radiance * math.pi * math.sin(angle) ** 2 == pytest.approx(7.0)
 
 
 @pytest.mark.parametrize("diameter_deg", [0.0556, 2.0])

@@ -14,6 +14,8 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.errors import DiskError, IcyMoonError
+from icymoon.physics.light.directions import toward
+from icymoon.physics.light.scene_sun import SceneSun
 from icymoon.render.pairs.pair_folder import Pair, find_pair_folders, read_pair
 from icymoon.render.pairs.scene_splits import SPLITS, scene_of, split_of
 from icymoon.settings.description import defaults, merged
@@ -36,6 +38,34 @@ def dataset(tmp_path_factory):
             wanted[trained] -= 1
             pairs.write_pair(root / "pairs" / f"{k:012x}", SCENE, RIG, settings=settings)
     return root
+
+
+def with_sun(folder: Path, elevation_deg: float | None) -> None:
+    """A pair whose settings ask for a date and whose record states the Sun that it had then, or none."""
+    settings = merged(defaults(), {"light": {"directions_from": "DATE", "sun_elevation_deg": 28.0}})
+    pairs.write_pair(folder, SCENE, RIG, settings=settings)
+    record = json.loads((folder / "pair.json").read_text())
+    if elevation_deg is not None:
+        record["light"] = {"sun": SceneSun(toward(30.0, elevation_deg), 50.0, 0.1, "DATE").to_json()}
+    (folder / "pair.json").write_text(json.dumps(record))
+
+
+@pytest.mark.parametrize(("layout", "index"), [("webdataset", "index.csv"), ("sceneflow", "index.csv"),
+                                               ("parquet-index", "index.parquet")])
+def test_tables_state_the_sun_of_the_images_not_that_of_the_settings(tmp_path, layout, index):
+    if layout == "parquet-index":
+        parquet = pytest.importorskip("pyarrow.parquet", reason="pip install icymoon[parquet]")
+    wanted = {"0" * 12: 82.25, "1" * 12: -3.5, "2" * 12: None}
+    for name, elevation in wanted.items():
+        with_sun(tmp_path / "set" / "pairs" / name, elevation)
+    out = tmp_path / "x"
+    export([tmp_path / "set"], layout, out)
+    rows = (list(csv.DictReader((out / index).open())) if index.endswith("csv") else
+            parquet.read_table(out / index).to_pylist())
+    found = {row["key"]: row["sun_elevation_deg"] for row in rows}
+    assert {key: None if value in ("", None) else float(value) for key, value in found.items()} == wanted
+    if index.endswith("csv"):
+        assert "The Sun stands -3.5 to 82.25 degrees above the horizon." in (out / "README.md").read_text()
 
 
 def test_an_export_that_is_stopped_leaves_no_shard(dataset, tmp_path, monkeypatch):

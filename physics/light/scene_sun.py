@@ -1,0 +1,99 @@
+"""The Sun of a rendered scene, which everything states of it: ``pair.json``, exports, index tables and reports.
+
+Directions may come from angles, a date or kernels, and the user may have turned the lamp by hand. Only what the lamp
+was when the images were rendered is true of them, so the angles follow from its direction and are stored for readers
+only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .sky import azimuth_deg, elevation_deg
+
+#: Where a Sun comes from: a choice of ``light.directions_from``, or this.
+BY_HAND = "HAND"
+#: A lamp differs from what was described by more than single precision: turned by 0.0006°, or brighter by 0.001 %.
+_SAME = 1e-5
+
+
+@dataclass(frozen=True)
+class SceneSun:
+    """A Sun, or a lamp near the ground in its place, as it lit the images.
+
+    ``direction`` is the unit vector (3,) toward it, world axes. ``irradiance_wm2`` is on a surface that faces it, at
+    the origin of the site and without what the planet hides. ``distance_m`` is that of a lamp, 0 for the Sun.
+    """
+
+    direction: np.ndarray
+    irradiance_wm2: float
+    angular_diameter_deg: float
+    source: str = ""
+    eclipse: float = 0.0
+    distance_m: float = 0.0
+
+    @property
+    def elevation_deg(self) -> float:
+        """Height of its centre above the horizon."""
+        return elevation_deg(self.direction)
+
+    @property
+    def azimuth_deg(self) -> float:
+        """Angle from north over east, 0 to 360."""
+        return azimuth_deg(self.direction)
+
+    @property
+    def ground_irradiance_wm2(self) -> float:
+        """Irradiance of level ground, without shadows."""
+        return self.irradiance_wm2 * max(float(self.direction[2]), 0.0)
+
+    def to_json(self) -> dict[str, Any]:
+        """The table ``light.sun`` of ``pair.json``."""
+        return {"source": self.source, "direction_to_world": self.direction.tolist(),
+                "elevation_deg": self.elevation_deg, "azimuth_deg": self.azimuth_deg,
+                "irradiance_wm2": self.irradiance_wm2, "angular_diameter_deg": self.angular_diameter_deg,
+                "ground_irradiance_wm2": self.ground_irradiance_wm2, "eclipse": self.eclipse,
+                **({"distance_m": self.distance_m} if self.distance_m else {})}
+
+
+def described_by(facts: Mapping[str, Any], source: str) -> SceneSun:
+    """The Sun of ``sky.sky_facts``, as it lights a scene: less what the planet hides, and dark below the horizon."""
+    direction = np.array(facts["direction_to_world"])
+    diameter, eclipse = facts["angular_diameter_deg"], facts["eclipse"]
+    is_up = elevation_deg(direction) + diameter / 2 > 0
+    return SceneSun(direction, facts["irradiance_wm2"] * (1.0 - eclipse) if is_up else 0.0, diameter, source, eclipse,
+                    facts.get("distance_m", 0.0))
+
+
+def as_it_stands(described: SceneSun, direction: np.ndarray, irradiance_wm2: float, angular_diameter_deg: float,
+                 distance_m: float) -> SceneSun:
+    """The Sun of a lamp that was set up as ``described`` and that the user may have turned or changed since."""
+    stands = np.array([*direction, distance_m])
+    same = (np.allclose(stands, [*described.direction, described.distance_m], rtol=_SAME, atol=_SAME) and np.allclose(
+        [irradiance_wm2, angular_diameter_deg], [described.irradiance_wm2, described.angular_diameter_deg],
+        rtol=_SAME, atol=1e-9))
+    if same:
+        return described  # a lamp is in single precision
+    return SceneSun(direction / np.linalg.norm(direction), irradiance_wm2, angular_diameter_deg, BY_HAND,
+                    distance_m=distance_m)
+
+
+def from_json(light: Any) -> SceneSun | None:
+    """The Sun of the table ``light`` of ``pair.json``, also of old pairs, whose other numbers may be of another Sun
+    than their direction; None if there is none."""
+    try:
+        sun: Mapping[str, Any] = light["sun"]
+        direction = np.array(sun["direction_to_world"], np.float64)
+        numbers = [float(sun.get(key, 0.0)) for key in ("irradiance_wm2", "angular_diameter_deg", "eclipse",
+                                                        "distance_m")]
+        source = str(sun.get("source", ""))
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return None
+    if direction.shape != (3,) or not np.isfinite([*direction, *numbers]).all() or not direction.any():
+        return None
+    irradiance, diameter, eclipse, distance = numbers
+    return SceneSun(direction / np.linalg.norm(direction), irradiance, diameter, source, eclipse, distance)
