@@ -79,12 +79,12 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.demo: pyproject.toml $(VENV)/bin/python
-	@echo "Installing Blender as a Python module and the evaluator (about 500 MB, once)"
-	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -e ".[blender,evaluate]"
+	@echo "Installing Blender as a Python module and the evaluator (487 MB, once)"
+	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -c constraints/blender.txt -e ".[blender,evaluate]"
 	touch $@
 
 $(VENV)/.tests: pyproject.toml $(VENV)/.demo
-	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -c constraints/tests.txt -e ".[blender,evaluate,networks,onnx,ephemeris,docs,develop]"
+	PYTHONWARNINGS=ignore $(RUN) -m pip install --disable-pip-version-check -c constraints/blender.txt -c constraints/tests.txt -e ".[blender,evaluate,networks,onnx,ephemeris,docs,develop]"
 	touch $@
 
 $(VENV)/.mutants: $(VENV)/.tests
