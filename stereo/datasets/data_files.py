@@ -41,12 +41,14 @@ class MapFile:
     """A file with a disparity (px) or a depth (m) for each pixel.
 
     ``steps`` are what the file counts per px or metre; None is 256 for a disparity in a 16-bit PNG, and 1 otherwise.
-    Zero, infinity and NaN mean unknown.
+    ``along_ray``: depths are distances from the eye instead of along the optical axis. Zero, infinity and NaN mean
+    unknown.
     """
 
     path: Path
     kind: str = "disparity"  # or "depth"
     steps: float | None = None
+    along_ray: bool = False
     sintel: bool = False  # coded in three bytes, as Sintel has it
 
 

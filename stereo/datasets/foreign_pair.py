@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from ..images.disparity_and_occlusion import ESTIMATED, MASK, visible_in_right
 from ..images.image_values import describe_size, to_grey
 from ..matchers.search_range import FIXED, MOST_PX, STEP_PX, SearchRange
 from ..measure.by_pixel_class import OCCLUSION, classify, texture
+from ..measure.fit_check import Places, find_places, ray_lengths, without_far_plateau
 from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from ..measure.self_check import SelfCheck
@@ -92,9 +93,9 @@ class ForeignPair:
             raise IcyMoonError(f"{self.left} is {describe_size(left)}, and "
                                f"{(self.calibration or (self.folder,))[0]} is for {camera.width_px} x "
                                f"{camera.height_px} px; give the calibration of these images.")
-        disparity = self._disparity(self.truth, camera, left)
         grey = to_grey(left), to_grey(right)
-        check_truth(self, disparity, *grey)
+        places = find_places(*grey)
+        disparity, notes = self._true_disparity(camera, left, places)
         truth = camera.depth(disparity)
         visible, known = self._visible(disparity, truth, camera, left)
         gradient = texture(grey[0])
@@ -105,7 +106,7 @@ class ForeignPair:
         most = STEP_PX * math.ceil(min(count, camera.width_px, MOST_PX) / STEP_PX) - 1
         pair = PhotographedPair(self.name, self.folder, camera, SearchRange(0, most, FIXED))
         scale = colours.depth_scale(truth)
-        facts = self._facts(camera, truth, visible if known else None)
+        facts = self._facts(camera, truth, visible if known else None, notes)
         facts["depth_scale_m"] = [scale.low, scale.high]
         return Prepared(pair, left, right, truth, visible, gradient, classes, _UNCHECKED, scale, facts, known)
 
@@ -116,15 +117,25 @@ class ForeignPair:
         level = np.clip(radiance / (self.white or float(radiance.max()) or 1.0), 0, 1)
         return np.asarray(np.rint(255 * level).astype(np.uint8))
 
-    def _disparity(self, file: MapFile, camera: StereoCamera, image: np.ndarray) -> np.ndarray:
+    def _true_disparity(self, camera: StereoCamera, image: np.ndarray, places: Places) -> tuple[np.ndarray, list[str]]:
+        """The true disparity of the left eye, and warnings about it."""
+        values, notes = self._values(self.truth, camera, image), []
+        if self.truth.kind == "depth":
+            values, far = without_far_plateau(values, camera, places)
+            if far is not None:
+                notes.append(f"{self.truth.path}: pixels of the one depth {far:g} m, far beyond all others, were taken "
+                             "for sky, which has no truth.")
+        notes += check_truth(self, values, camera, places)
+        return _as_disparity(values, self.truth.kind, camera), notes
+
+    def _values(self, file: MapFile, camera: StereoCamera, image: np.ndarray) -> np.ndarray:
+        """The depths along the optical axis, or the disparities, of a map."""
         values = read_map(file)
         if values.shape != image.shape[:2]:
             raise IcyMoonError(f"{file.path} is {describe_size(values)}, and the images are "
                                f"{describe_size(image)}; give a map with a number for each pixel of the left image.")
-        if file.kind == "depth":
-            if np.isfinite(values).any() and np.mean(values[np.isfinite(values)] < 0) >= WRONG_SIGN:
-                raise IcyMoonError(f"{file.path} has negative depths; negate them (truth.steps = -1 in pairs.toml).")
-            return np.where(usable(values), camera.disparity(np.where(usable(values), values, 1.0)), np.nan)
+        if file.along_ray:
+            values = values / ray_lengths(camera)
         known = np.isfinite(values)
         return -values if self.either_sign and known.any() and np.mean(values[known] < 0) >= WRONG_SIGN else values
 
@@ -135,7 +146,8 @@ class ForeignPair:
         if self.mask:
             return inside & self._unmasked(self.mask, image), True
         if self.truth_right:
-            other = camera.depth(self._disparity(self.truth_right, camera, image))
+            other = camera.depth(_as_disparity(self._values(self.truth_right, camera, image), self.truth_right.kind,
+                                               camera))
             return visible_in_right(truth, other, camera), True
         return inside, False
 
@@ -150,7 +162,8 @@ class ForeignPair:
                                f"{describe_size(image)}; give a mask of these images.")
         return np.asarray(seen)
 
-    def _facts(self, camera: StereoCamera, truth: np.ndarray, visible: np.ndarray | None) -> dict[str, Any]:
+    def _facts(self, camera: StereoCamera, truth: np.ndarray, visible: np.ndarray | None,
+               notes: Sequence[str]) -> dict[str, Any]:
         known = np.isfinite(truth)
         return {"pair": self.name, "width_px": camera.width_px, "height_px": camera.height_px,
                 "focal_baseline_px_m": camera.focal_baseline_px_m, "baseline_m": camera.baseline_m,
@@ -158,7 +171,7 @@ class ForeignPair:
                 "scene": f"{self.layout} {self.scene}", "true": float(known.mean()),
                 "visible": None if visible is None else float(visible.sum() / known.sum()),
                 "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))],
-                "warnings": [self._missing(visible is not None), *self.notes], "settings": {}, "rendered": {},
+                "warnings": [self._missing(visible is not None), *self.notes, *notes], "settings": {}, "rendered": {},
                 "noise": None, "occlusion": MASK if self.mask else ESTIMATED if visible is not None else None,
                 "self_check": _UNCHECKED.to_json()}
 
@@ -167,6 +180,13 @@ class ForeignPair:
         hidden = "" if occlusion_known else " Without a mask of hidden pixels there are no metrics of visible pixels."
         return (f"{self.layout}: without normals, labels and the direction of the Sun there are no errors by slope, "
                 f"light and material.{hidden}")
+
+
+def _as_disparity(values: np.ndarray, kind: str, camera: StereoCamera) -> np.ndarray:
+    """Disparities in px of a map of depths in m or of disparities, NaN where it has no usable number."""
+    if kind == "disparity":
+        return values
+    return np.where(usable(values), camera.disparity(np.where(usable(values), values, 1.0)), np.nan)
 
 
 @dataclass(frozen=True)

@@ -6,11 +6,11 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Protocol
 
-import cv2
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...physics.camera.hidden_points import matching_column, warped
+from ...render.pairs.pair_folder import StereoCamera
+from ..measure.fit_check import KINDS, Fault, Places, find_fault, known_places
 from ..measure.metrics import usable
 from .data_files import MapFile
 
@@ -21,10 +21,8 @@ _UNITS = (256.0, 16.0, 1000.0)
 #: A median ratio of prediction and truth is a factor between units if it is within this of it, and if half of the
 #: ratios of single pixels are within the second number: those of a matcher that fails are scattered.
 _NEAR, _TIGHT = 0.03, 0.1
-#: From this correlation on, images fit each other, and up to the other they do not.
-_FITS, _FITS_NOT = 0.5, 0.3
-#: Window of the blur that is subtracted before images are compared, and about the most pixels that are compared.
-_BLUR_PX, _MOST_COMPARED = 31, 200_000
+#: Factors that numbers may be wrong by: units, scales of images, feet and inches.
+_FACTORS = (2.0, 3.0, 4.0, 8.0, 10.0, 16.0, 32.0, 64.0, 100.0, 128.0, 256.0, 1000.0, 1 / 0.3048, 1 / 0.0254)
 
 
 class Files(Protocol):
@@ -43,51 +41,68 @@ class Files(Protocol):
         """The true map."""
 
 
-def check_truth(pair: Files, disparity: np.ndarray, left: np.ndarray, right: np.ndarray) -> None:
-    """Raise IcyMoonError if a true ``disparity`` (H, W) cannot be that of the grey images ``left`` and ``right``."""
-    path = pair.truth.path
-    known = np.isfinite(disparity)
+def check_truth(pair: Files, values: np.ndarray, camera: StereoCamera, places: Places) -> list[str]:
+    """Warnings about the numbers (H, W) of a true map that the images do not confirm.
+
+    Raises IcyMoonError if they cannot be right, or if the images fit another reading of them.
+    """
+    path, kind = pair.truth.path, pair.truth.kind
+    known = np.isfinite(values)
     if not known.any():
         raise IcyMoonError(f"{path} has no known value in any pixel; give the file with the truth.")
-    if np.mean(disparity[known] < 0) >= WRONG_SIGN:
+    if np.mean(values[known] < 0) >= WRONG_SIGN:
         raise IcyMoonError(f"{path} has negative disparities (left column minus right column must be positive); negate "
-                           "them (truth.steps = -1 in pairs.toml), or exchange the images.")
-    here = correlation(left, right, disparity)
-    if here >= _FITS_NOT:
-        return
-    if correlation(left, right, -disparity) > max(here, _FITS):
+                           "them (truth.steps = -1 in pairs.toml), or exchange the images." if kind == "disparity" else
+                           f"{path} has negative depths; negate them (truth.steps = -1 in pairs.toml).")
+    fault = find_fault(values, kind, camera, places)
+    if fault is None:
+        return []
+    if fault.kind == "nothing":
+        return [f"{path} does not fit the images: of the places that are found in both of them, "
+                f"{100 * fault.stated_share:.0f} % are where it puts them. It fits no better {_list_tried()}; look at "
+                "it beside the images."]
+    if fault.kind == "swapped":
         raise IcyMoonError(f"{pair.left} and {pair.right} fit the truth only the other way round; exchange the images.")
-    what = "depths" if pair.truth.kind == "depth" else "disparities"
-    for factor in (number for unit in _UNITS for number in (unit, 1 / unit)):
-        if correlation(left, right, disparity / factor) > _FITS:
-            # A depth that is too large is a disparity that is too small.
-            large = 1 / factor if what == "depths" else factor
-            size, change = (large, "large; divide") if large > 1 else (1 / large, "small; multiply")
-            raise IcyMoonError(f"{path} has {what} that are {size:g} times too {change} them by {size:g}, or state "
-                               "truth.steps in pairs.toml.")
+    raise IcyMoonError(f"{path} {_describe(fault, kind)}"
+                       + (", or state truth.steps in pairs.toml." if fault.kind == "factor" else "."))
 
 
-def correlation(left: np.ndarray, right: np.ndarray, disparity: np.ndarray) -> float:
-    """Correlation of the details of ``left`` with those of ``right`` at ``disparity``, all (H, W); -1 if nothing can
-    be compared."""
-    step = max(1, round(left.size / _MOST_COMPARED))
-    details = [(image - cv2.blur(image, (_BLUR_PX, _BLUR_PX)))[step // 2::step]
-               for image in (left.astype(np.float32), right.astype(np.float32))]
-    column = matching_column(disparity[step // 2::step])
-    with np.errstate(invalid="ignore"):
-        inside = (column >= 0) & (column <= left.shape[1] - 1)  # False for NaN
-    if inside.sum() < 100:
-        return -1.0
-    one, other = details[0][inside], warped(details[1], column)[inside]
-    spread = float(one.std() * other.std())
-    return float(np.mean((one - one.mean()) * (other - other.mean()))) / spread if spread else -1.0
+def _list_tried() -> str:
+    *first, last = KINDS.values()
+    return f"{', '.join(first)} or {last}"
 
 
-def check_prediction(path: Path, disparity: np.ndarray, true_disparity: np.ndarray, true_depth: np.ndarray) -> None:
-    """Raise IcyMoonError if a ``disparity`` map, NaN where there is none, is of another size, sign or unit.
+def _describe(fault: Fault, kind: str) -> str:
+    """The end of a sentence about a map of another ``kind`` than "depth" or "disparity", with the fix, without a full
+    stop."""
+    what = "depths" if kind == "depth" else "disparities"
+    if fault.kind == "factor":
+        large = fault.factor > 1
+        size = _round_factor(fault.factor if large else 1 / fault.factor)
+        return (f"has {what} that are {size:g} times too {'large; divide' if large else 'small; multiply'} them by "
+                f"{size:g}")
+    return {
+        "ray": "has distances along the ray, not depths along the optical axis; state truth.along = \"ray\" in "
+               "pairs.toml",
+        "depth": "has depths in metres, not disparities; state it as truth.depth in pairs.toml",
+        "disparity": "has disparities in px, not depths; state it as truth.disparity in pairs.toml",
+        "inverse": f"has 1 / depth in 1/m, not {what}; write depths in metres",
+        "upside_down": "is upside down beside the images; write its rows in the other order",
+        "mirrored": "is mirrored from left to right beside the images; write its columns in the other order",
+        "turned": "is turned by 180° beside the images; turn it",
+        "right_eye": "is the map of the right eye; give the left one's"}[fault.kind]
 
-    ``true_disparity`` and ``true_depth`` are those of the pair, NaN where unknown.
-    """
+
+def _round_factor(size: float) -> float:
+    """A factor between units that a measured one is, else three of its digits."""
+    near = min(_FACTORS, key=lambda factor: abs(size / factor - 1))
+    return near if abs(size / near - 1) <= _NEAR else float(f"{size:.3g}")
+
+
+def check_prediction(path: Path, disparity: np.ndarray, true_depth: np.ndarray, camera: StereoCamera) -> None:
+    """Raise IcyMoonError if a ``disparity`` map, NaN where there is none, is of another size, sign, unit or orientation
+    than the pair, whose ``true_depth`` in metres is NaN where unknown."""
+    true_disparity = camera.disparity(true_depth)
     _check_shape(path, disparity.shape, true_disparity.shape)
     known = np.isfinite(disparity)
     if not known.any():
@@ -111,6 +126,13 @@ def check_prediction(path: Path, disparity: np.ndarray, true_disparity: np.ndarr
                            f"{true_disparity.shape[1]}.")
     if _is_unit(disparity[both] / true_depth[both], 1.0) and not _is_unit(ratio, 1.0):
         raise IcyMoonError(f"{path} has depths in metres; give disparities in px of the left image.")
+    fault = find_fault(np.where(usable(disparity), disparity, np.nan), "disparity", camera,
+                       known_places(true_disparity))
+    if fault is not None and fault.kind in ("depth", "inverse"):
+        what = "depths" if fault.kind == "depth" else "1 / depth"
+        raise IcyMoonError(f"{path} has {what}; give disparities in px of the left image.")
+    if fault is not None and fault.kind not in ("nothing", "factor"):
+        raise IcyMoonError(f"{path} {_describe(fault, 'disparity')}.")
 
 
 def _check_shape(path: Path, shape: tuple[int, ...], wanted: tuple[int, ...]) -> None:

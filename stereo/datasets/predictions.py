@@ -77,7 +77,7 @@ def read_prediction(method: Method, prepared: Prepared) -> tuple[np.ndarray, dic
     """
     path = find_prediction(method, prepared.pair.name)
     disparity = read_map(MapFile(path))
-    check_prediction(path, disparity, prepared.pair.camera.disparity(prepared.truth), prepared.truth)
+    check_prediction(path, disparity, prepared.truth, prepared.pair.camera)
     return np.where(usable(disparity), disparity, np.nan).astype(np.float32), {
         "method": PREDICTION, "options": options_of(method), **dict.fromkeys(COSTS), "arrays": {}, "counts": {},
         "facts": {}, "search": None}

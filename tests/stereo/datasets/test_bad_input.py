@@ -12,6 +12,7 @@ import OpenEXR
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
+from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.stereo.datasets.data_files import MOST_PIXELS, MapFile, read_image, read_map
 from icymoon.stereo.datasets.input_faults import check_prediction
 from icymoon.stereo.sources import find_sources
@@ -21,6 +22,7 @@ pytestmark = pytest.mark.filterwarnings("error")
 #: The truth of a slanted surface: a plane that faces the camera would have the same ratio in every pixel.
 TRUTH = np.linspace(20, 60, foreign.WIDTH)[None, :].repeat(foreign.HEIGHT, axis=0)
 DEPTH = 70 / TRUTH
+CAMERA_70 = StereoCamera(foreign.WIDTH, foreign.HEIGHT, 140.0, foreign.WIDTH / 2, foreign.HEIGHT / 2, 0.5)
 
 
 def refused(root, *words):
@@ -279,7 +281,7 @@ def test_a_picture_of_a_map_is_none(tmp_path):
     (TRUTH[:, :90], "give a disparity for each pixel")])
 def test_predictions_that_mean_something_else(tmp_path, disparity, words):
     with pytest.raises(IcyMoonError) as caught:
-        check_prediction(tmp_path / "a.npy", disparity, TRUTH, DEPTH)
+        check_prediction(tmp_path / "a.npy", disparity, DEPTH, CAMERA_70)
     assert words in str(caught.value)
     assert str(tmp_path / "a.npy") in str(caught.value)
 
@@ -290,7 +292,7 @@ def test_predictions_that_mean_something_else(tmp_path, disparity, words):
     np.full_like(TRUTH, 20.0), np.where(TRUTH > 21, -1.0, TRUTH) + np.linspace(0, 9, foreign.HEIGHT)[:, None]],
     ids=["right", "10 % off", "5 px off", "17 times", "half", "random", "constant", "mixed signs"])
 def test_bad_matchers_are_measured_not_refused(tmp_path, disparity):
-    check_prediction(tmp_path / "a.npy", disparity, TRUTH, DEPTH)
+    check_prediction(tmp_path / "a.npy", disparity, DEPTH, CAMERA_70)
 
 
 def test_exports_that_hold_no_truth_say_what_to_export(tmp_path):

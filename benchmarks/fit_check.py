@@ -1,0 +1,137 @@
+"""How often the check of truth against images is wrong on sound pairs, and how often it names each fault.
+
+    python benchmarks/fit_check.py DATASET [DATASET ...]
+    python benchmarks/fit_check.py DATASET --render 128
+
+With ``--render`` so many grounds of eight scenes are rendered into the data set first, in four headings each at 192 x
+144 px, with Suns of 2 to 80°, views from 5 to 85° down, baselines of 5 to 60 cm and cameras 0.5 to 4 m high.
+Each pair of the data sets is checked as it is, then with its depth or disparity changed in each way that is listed. The
+table counts, for each kind, the pairs whose fault is named, those for which the check only states that nothing fits,
+those of which the images do not tell, those that pass, and those in which another fault is named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from icymoon.errors import IcyMoonError
+from icymoon.stereo.images.image_values import to_grey
+from icymoon.stereo.measure.fit_check import find_fault, find_places
+from icymoon.stereo.measure.prepare import Prepared
+from icymoon.stereo.sources import find_sources
+
+SCENES = ("europa_rough_ice", "enceladus_fresh_snow", "europa_chaos", "europa_penitentes", "europa_ridged_plain",
+          "enceladus_suncups", "europa_brash_ice", "enceladus_block_field")
+#: Of each fault: the map that a careless writer makes of a pair, its kind, and the name that the check gives it.
+Made = Callable[[Prepared], np.ndarray]
+
+
+def _depth(pair: Prepared) -> np.ndarray:
+    return pair.truth
+
+
+def _disparity(pair: Prepared) -> np.ndarray:
+    return pair.pair.camera.disparity(pair.truth)
+
+
+def _along_ray(pair: Prepared) -> np.ndarray:
+    camera = pair.pair.camera
+    v, u = np.mgrid[:camera.height_px, :camera.width_px] + 0.5
+    return pair.truth * np.sqrt(1 + ((u - camera.cx_px) ** 2 + (v - camera.cy_px) ** 2) / camera.focal_px ** 2)
+
+
+def _noise(pair: Prepared) -> np.ndarray:
+    """A normal's third component taken for a depth."""
+    slope = np.gradient(np.nan_to_num(pair.truth))[0]
+    return np.where(np.isfinite(pair.truth), 1 / np.sqrt(1 + slope ** 2), np.nan)
+
+
+FAULTS: dict[str, tuple[Made, str, str]] = {
+    "sound depth": (_depth, "depth", ""), "sound disparity": (_disparity, "disparity", ""),
+    "distance along the ray": (_along_ray, "depth", "ray"),
+    "upside down": (lambda p: _depth(p)[::-1], "depth", "upside_down"),
+    "mirrored": (lambda p: _depth(p)[:, ::-1], "depth", "mirrored"),
+    "millimetres": (lambda p: 1000 * _depth(p), "depth", "factor"),
+    "6.25 % too small": (lambda p: _depth(p) * 80 / 85.333, "depth", "factor"),
+    "16 steps per px": (lambda p: 16 * _disparity(p), "disparity", "factor"),
+    "1 / depth": (lambda p: 1 / _depth(p), "depth", "inverse"),
+    "disparity as depth": (_disparity, "depth", "disparity"), "depth as disparity": (_depth, "disparity", "depth"),
+    "a normal as depth": (_noise, "depth", "nothing")}
+
+
+def render(dataset: Path, grounds: int) -> None:
+    """Render sound pairs. A rig whose eye would be in the ground is left out."""
+    import bpy
+    from icymoon.nodes.scene import build
+    from icymoon.render.plans.planned_pair import expand_headings
+    from icymoon.render.worker import render_pairs
+    from icymoon.settings.description import check, defaults, merged
+    from icymoon.settings.preset_files import load_preset
+
+    random = np.random.default_rng(5)
+    for k in range(grounds):
+        sun, pitch, base, height, samples, azimuth = random.random(6)
+        settings = merged(defaults(), load_preset(f"scenes/{SCENES[k % len(SCENES)]}"), check({
+            "light": {"sun_elevation_deg": 2 + 78 * sun, "sun_azimuth_deg": 360 * azimuth},
+            "rig": {"pitch_deg": 5 + 80 * pitch, "baseline_m": 0.05 * 12 ** base, "height_m": 0.5 * 8 ** height,
+                    "width_px": 192, "height_px": 144},
+            "dataset": {"seed": k, "headings": 4}, "mesh": {"kind": "GRID"}, "terrain": {"resolution": 257},
+            "surface": {"model": "LAMBERT", "relief": "BUMP"},
+            "quality": {"samples": int(4 * 4 ** samples), "truth": "DEPTH", "denoiser": "NONE"}}, "benchmark"))
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        try:
+            render_pairs(build(bpy.context.scene, settings), expand_headings(settings), dataset, 1, 0.0,
+                         lambda *_, **__: None)
+        except IcyMoonError as error:
+            print(f"ground {k}: {error}")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("datasets", nargs="+", type=Path)
+    parser.add_argument("--render", type=int, default=0, metavar="GROUNDS")
+    options = parser.parse_args()
+    if options.render:
+        render(options.datasets[0], options.render)
+    counts: dict[str, Counter[str]] = {name: Counter() for name in (*FAULTS, "images exchanged")}
+    seconds, pairs = 0.0, 0
+    for source in find_sources(options.datasets):
+        try:
+            prepared = source.prepare({})
+        except IcyMoonError as error:
+            print(f"{source.name}: {error}")
+            continue
+        pairs += 1
+        camera, left, right = prepared.pair.camera, to_grey(prepared.left), to_grey(prepared.right)
+        start = time.process_time()
+        places, exchanged = find_places(left, right), find_places(right, left)
+        for name, (make, kind, wanted) in FAULTS.items():
+            fault = find_fault(make(prepared), kind, camera, places)
+            counts[name][_judge(fault.kind if fault else "", wanted, places.enough())] += 1
+            if not wanted and fault is not None:
+                print(f"{source.name}: {name}: {fault}")
+        fault = find_fault(prepared.truth, "depth", camera, exchanged)
+        counts["images exchanged"][_judge(fault.kind if fault else "", "swapped", exchanged.enough())] += 1
+        seconds += time.process_time() - start
+    columns = ("named", "nothing fits", "another", "passes", "images do not tell")
+    print(f"{pairs} pairs, {seconds / max(1, pairs):.3f} CPU s a pair for all {len(counts)} checks")
+    print(f"{'fault':28}" + "".join(f"{each:>20}" for each in columns))
+    for name, found in counts.items():
+        print(f"{name:28}" + "".join(f"{found[each]:20}" for each in columns))
+
+
+def _judge(kind: str, wanted: str, told: bool) -> str:
+    if not told:
+        return "images do not tell"
+    if not kind:
+        return "passes"
+    return "named" if kind == wanted else "nothing fits" if kind == "nothing" else "another"
+
+
+if __name__ == "__main__":
+    main()

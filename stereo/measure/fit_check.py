@@ -1,0 +1,301 @@
+"""Whether a map of depths or disparities fits two images, and which other reading of its numbers does.
+
+Data sets are read with a wrong unit, channel or orientation more often than they are wrong. So a map is held against
+places that are found in both images without it, and if it misses them, its numbers are read in other ways: distances
+along the ray, depths for disparities, upside down, mirrored, of exchanged eyes, with another factor. A reading is named
+only if it explains what the stated one does not; where the images have too few common places, nothing is stated.
+
+A prediction is held against the true disparity instead, which knows more places.
+``benchmarks/fit_check.py`` measures false alarms on sound pairs and how often each fault is found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from ...physics.camera.hidden_points import matching_column
+from ...render.pairs.pair_folder import StereoCamera
+
+#: Columns that images are reduced to before places are searched: enough for disparities to a pixel of them.
+_COLUMNS = 400
+#: Disparities that are searched: up to a share of the width, since eyes very near to the ground see a point so far
+#: apart, and from so many px below 0.
+_SEARCHED, _BEYOND_PX = 0.75, 2
+#: Block, uniqueness (%) and size of the regions of which places count: noise makes smaller ones.
+_BLOCK_PX, _UNIQUE, _REGION_PX = 7, 12, 60
+#: A place agrees with a disparity within this, px of the reduced images and share of the disparity.
+_NEAR_PX, _NEAR_SHARE = 1.0, 0.03
+#: Grey levels (of 255) by which a place differs from its surroundings at least.
+_CONTRAST = 1.5
+#: Fewest places to state anything, in how many of eight by eight tiles, of how many rows and columns of tiles: along a
+#: horizon there are many places and no ground.
+_FEWEST, _TILES, _FEWEST_TILES, _FEWEST_BANDS = 150, 8, 8, 3
+#: The same as a share of the image: in images of noise alone one place in a hundred is found by chance.
+_LEAST_SHARE = 0.05
+#: Share of the places that a right map explains at least, and that another one explains at most. Occluded and
+#: repeated places are missed by a right map too.
+_FITS, _FITS_NOT = 0.5, 0.25
+#: Share of an image that a plateau has at least, and by what factor it is beyond every other depth.
+_PLATEAU_SHARE, _PLATEAU_BEYOND = 0.002, 1.5
+#: Two readings differ where their disparities do by this, px. The other one is named if they differ in this share of
+#: the places, if it is nearer to most of them in so many tiles, and if its median error is so much of the stated one's.
+_DIFFERENT_PX, _DIFFERENT_SHARE, _NEARER, _LESS = 0.5, 0.2, 0.75, 0.5
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Another reading that fits where the stated one does not, or none that does.
+
+    ``kind`` is a key of ``KINDS``, or "nothing". ``factor`` is what the numbers are too large by.
+    """
+
+    kind: str
+    factor: float = 1.0
+    stated_share: float = float("nan")  # of the places that the stated reading explains
+    share: float = float("nan")  # of those that the other reading explains
+
+
+#: The readings that are tried, in words for "it fits …".
+KINDS = {
+    "factor": "with another factor", "ray": "as distances along the ray", "depth": "as depths in metres",
+    "disparity": "as disparities in px", "inverse": "as 1 / depth in 1/m", "upside_down": "upside down",
+    "mirrored": "mirrored from left to right", "turned": "turned by 180°", "right_eye": "as the map of the right eye",
+    "swapped": "with the images exchanged"}
+
+
+@dataclass(frozen=True)
+class Places:
+    """Disparities in px (H, W) at which pixels of the left image are found in the right one, NaN elsewhere, and the
+    same with the images exchanged, all on images that are ``step`` times smaller."""
+
+    left: np.ndarray
+    swapped: np.ndarray
+    step: int
+
+    def enough(self) -> bool:
+        """Whether there are enough places of either order to state anything."""
+        return any(_is_spread(np.isfinite(each)) and np.isfinite(each).mean() >= _LEAST_SHARE
+                   for each in (self.left, self.swapped))
+
+
+def find_places(left: np.ndarray, right: np.ndarray) -> Places:
+    """Places that grey images (H, W) of any range have in common, by block matching in both directions."""
+    step = max(1, math.ceil(left.shape[1] / _COLUMNS))
+    small = [_as_8_bit(_reduced(image, step)) for image in (left, right)]
+    return Places(_matched(small[0], small[1]), _matched(small[1], small[0]), step)
+
+
+def known_places(disparity: np.ndarray) -> Places:
+    """The true disparity (H, W) of a pair, NaN where unknown, as places that are known."""
+    step = max(1, math.ceil(disparity.shape[1] / _COLUMNS))
+    thinned = disparity[step // 2::step, step // 2::step] / step
+    return Places(thinned, np.full_like(thinned, np.nan), step)
+
+
+def find_fault(values: np.ndarray, kind: str, camera: StereoCamera, places: Places) -> Fault | None:
+    """What is wrong with a map ``values`` (H, W) of "depth" (m) or "disparity" (px), NaN where unknown; None if it
+    fits, or if the images do not tell."""
+    if not places.enough():
+        return None
+    stated = _reading(values, kind, camera)
+    here = _share(stated, places.left, places.step)
+    best: Fault | None = None
+    for name, disparity, found in _other_readings(values, kind, camera, places):
+        if not _is_spread(np.isfinite(found) & np.isfinite(_thinned(disparity, places.step))):
+            continue
+        share = _share(disparity, found, places.step)
+        if share >= _FITS and _is_clearer(disparity, stated, found, places) and (best is None or share > best.share):
+            best = Fault(name, 1.0, here, share)
+    if best is None:
+        best = _find_factor(stated, places, here, kind)
+    if best is None and here < _FITS_NOT and _is_spread(np.isfinite(places.left) & np.isfinite(
+            _thinned(stated, places.step))):
+        return Fault("nothing", 1.0, here)
+    return best
+
+
+def without_far_plateau(depth_m: np.ndarray, camera: StereoCamera, places: Places) -> tuple[np.ndarray, float | None]:
+    """A depth map (H, W) with NaN at its plateau of one far value, which some programs write where a ray meets
+    nothing, and that value; None if there is no such plateau.
+
+    A plateau is the largest depth, in many pixels to the bit, and far beyond every other one. It stays if the images
+    have places there that fit: a wall.
+    """
+    known = np.isfinite(depth_m)
+    if not known.any():
+        return depth_m, None
+    far = float(depth_m[known].max())
+    plateau = known & (depth_m == far)
+    others = depth_m[known & ~plateau]
+    if plateau.mean() < _PLATEAU_SHARE or not others.size or far < _PLATEAU_BEYOND * float(others.max()):
+        return depth_m, None
+    inside = _thinned(plateau.astype(np.float64), places.step) > 0
+    there = _share(np.where(plateau, camera.disparity(depth_m), np.nan), places.left, places.step)
+    if there >= _FITS and (inside & np.isfinite(places.left)).sum() >= _FITS * inside.sum():
+        return depth_m, None
+    return np.where(plateau, np.nan, depth_m), far
+
+
+def ray_lengths(camera: StereoCamera) -> np.ndarray:
+    """Distance from the eye over planar depth, (H, W)."""
+    v, u = np.mgrid[:camera.height_px, :camera.width_px] + 0.5
+    return np.asarray(np.sqrt(1 + ((u - camera.cx_px) / camera.focal_px) ** 2
+                              + ((v - camera.cy_px) / camera.focal_px) ** 2))
+
+
+def _reading(values: np.ndarray, kind: str, camera: StereoCamera) -> np.ndarray:
+    """Disparities in px of depths in m or disparities in px, both NaN where unknown."""
+    if kind == "disparity":
+        return values
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(values > 0, camera.disparity(values), np.nan)
+
+
+def _other_readings(values: np.ndarray, kind: str, camera: StereoCamera, places: Places
+                    ) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Names of readings, their disparities (H, W), and the places that they are held against."""
+    stated = _reading(values, kind, camera)
+    other = "depth" if kind == "disparity" else "disparity"
+    yield other, _reading(values, other, camera), places.left
+    yield "inverse", values * camera.focal_baseline_px_m - camera.doffs_px, places.left
+    if kind == "depth":
+        yield "ray", _reading(values / ray_lengths(camera), kind, camera), places.left
+    turns: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+        "upside_down": lambda a: a[::-1], "mirrored": lambda a: a[:, ::-1], "turned": lambda a: a[::-1, ::-1]}
+    for name, turn in turns.items():
+        yield name, turn(stated), places.left
+    yield "right_eye", _seen_from_left(stated), places.left
+    yield "swapped", stated, places.swapped
+
+
+def _seen_from_left(disparity: np.ndarray) -> np.ndarray:
+    """The map of the left eye (H, W) that a map of the right one gives, the nearer point where there are two."""
+    column = matching_column(np.nan_to_num(disparity), "right")
+    place = np.rint(column).astype(np.int64)
+    known = np.isfinite(disparity) & (place >= 0) & (place < disparity.shape[1])
+    found = np.full(disparity.shape, -np.inf)
+    np.maximum.at(found, (np.nonzero(known)[0], place[known]), disparity[known])
+    return np.where(np.isfinite(found), found, np.nan)
+
+
+def _find_factor(stated: np.ndarray, places: Places, here: float, kind: str) -> Fault | None:
+    """The factor that most places agree on, if these are enough."""
+    thinned = _thinned(stated, places.step) / places.step
+    with np.errstate(invalid="ignore", divide="ignore"):
+        both = np.isfinite(thinned) & (places.left > 2 * _NEAR_PX) & (thinned > 0)
+    if not _is_spread(both):
+        return None
+    ratio = np.log(places.left[both] / thinned[both])
+    bins = np.arange(ratio.min() - _NEAR_SHARE, ratio.max() + 3 * _NEAR_SHARE, _NEAR_SHARE)
+    counts, edges = np.histogram(ratio, bins)
+    near = np.convolve(counts, np.ones(3), "same")
+    middle = (edges[near.argmax()] + edges[near.argmax() + 1]) / 2
+    middle = float(np.median(ratio[np.abs(ratio - middle) <= 1.5 * _NEAR_SHARE]))
+    scaled = stated * math.exp(middle)
+    share = _share(scaled, places.left, places.step)
+    if share < _FITS or not _is_clearer(scaled, stated, places.left, places):
+        return None
+    return Fault("factor", math.exp(middle if kind == "depth" else -middle), here, share)
+
+
+def _is_clearer(disparity: np.ndarray, stated: np.ndarray, found: np.ndarray, places: Places) -> bool:
+    """Whether another reading explains clearly more of the places at which it differs from the stated one."""
+    if found is not places.left:  # places of the images in another order
+        here = _share(stated, places.left, places.step)
+        return not here >= _FITS_NOT
+    one, other = (_thinned(each, places.step) / places.step for each in (stated, disparity))
+    with np.errstate(invalid="ignore"):
+        differs = np.isfinite(found) & (np.abs(one - other) > _DIFFERENT_PX)
+    if not _is_spread(differs):
+        return False
+    if differs.sum() < _DIFFERENT_SHARE * np.isfinite(found).sum():
+        return False
+    missed, left = np.abs(one - found), np.abs(other - found)
+    nearer = [bool(np.mean((left < missed)[tile][differs[tile]]) > 0.5) for tile in _tiles_with(differs)]
+    return bool(np.mean(nearer) >= _NEARER and np.median(left[differs]) <= _LESS * np.median(missed[differs]))
+
+
+def _share(disparity: np.ndarray, found: np.ndarray, step: int) -> float:
+    """The share of places at which a disparity (H, W) agrees with what is found; NaN if there are too few."""
+    thinned = _thinned(disparity, step) / step
+    with np.errstate(invalid="ignore"):
+        both = np.isfinite(found) & ~np.isnan(thinned)
+        if both.sum() < _FEWEST:
+            return float("nan")
+        return float(np.mean(np.abs(thinned - found)[both] <= _tolerance(found)[both]))
+
+
+def _tolerance(found: np.ndarray) -> np.ndarray:
+    return np.maximum(_NEAR_PX, _NEAR_SHARE * np.abs(found))
+
+
+def _thinned(values: np.ndarray, step: int) -> np.ndarray:
+    """The values in the middle of squares of ``step`` pixels."""
+    height, width = (size // step * step for size in values.shape)
+    return values[step // 2:height:step, step // 2:width:step]
+
+
+Tile = tuple[slice, slice]
+
+
+def _tiles_with(where: np.ndarray) -> list[Tile]:
+    """The tiles of an image that have enough pixels."""
+    height, width = (math.ceil(size / _TILES) for size in where.shape)
+    tiles = [(slice(row, row + height), slice(column, column + width))
+             for row in range(0, where.shape[0], height) for column in range(0, where.shape[1], width)]
+    return [tile for tile in tiles if where[tile].sum() >= _FEWEST / _TILES]
+
+
+def _is_spread(where: np.ndarray) -> bool:
+    """Whether there are enough pixels in enough parts of an image, across and along it."""
+    if where.sum() < _FEWEST:
+        return False
+    tiles = _tiles_with(where)
+    return len(tiles) >= _FEWEST_TILES and all(
+        len({tile[axis].start for tile in tiles}) >= _FEWEST_BANDS for axis in (0, 1))
+
+
+def _reduced(image: np.ndarray, step: int) -> np.ndarray:
+    """Means of squares of ``step`` pixels."""
+    height, width = (size // step for size in image.shape)
+    cut = np.nan_to_num(image[:height * step, :width * step].astype(np.float32), posinf=0.0, neginf=0.0)
+    return np.asarray(cut.reshape(height, step, width, step).mean(axis=(1, 3)))
+
+
+def _as_8_bit(image: np.ndarray) -> np.ndarray:
+    """An image whose 99.5 % darkest pixels fill the range of 8 bits, with the square root of light as eyes see it."""
+    level = image / max(float(np.quantile(image, 0.995)), 1e-9)
+    return np.rint(255 * np.sqrt(np.clip(level, 0, 1))).astype(np.uint8)
+
+
+def _matched(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Disparities (H, W) of pixels of 8-bit images that block matching finds in both directions, NaN elsewhere."""
+    width = left.shape[1]
+    count = 16 * math.ceil((_SEARCHED * width + _BEYOND_PX) / 16)
+    there, back = _matched_one_way(left, right, count), _matched_one_way(right[:, ::-1], left[:, ::-1], count)[:, ::-1]
+    column = np.rint(matching_column(np.nan_to_num(there))).astype(np.int64)
+    inside = (column >= 0) & (column < width)
+    other = np.take_along_axis(back, np.clip(column, 0, width - 1), axis=1)
+    smooth = cv2.blur(left.astype(np.float32), (_BLOCK_PX, _BLOCK_PX))
+    contrast = np.sqrt(cv2.blur((left - smooth) ** 2, (_BLOCK_PX, _BLOCK_PX)))
+    with np.errstate(invalid="ignore"):
+        sure = inside & (np.abs(there - other) <= 1) & (contrast > _CONTRAST)
+    steps = np.where(sure, np.rint(16 * np.nan_to_num(there)), -32768).astype(np.int16)
+    cv2.filterSpeckles(steps, -32768, _REGION_PX, 16)
+    return np.where(steps == -32768, np.nan, there)
+
+
+def _matched_one_way(left: np.ndarray, right: np.ndarray, count: int) -> np.ndarray:
+    least, beside = -_BEYOND_PX, count - _BEYOND_PX  # columns at which OpenCV finds nothing
+    padded = [cv2.copyMakeBorder(np.ascontiguousarray(image), 0, 0, beside, -least, cv2.BORDER_REPLICATE)
+              for image in (left, right)]
+    area = _BLOCK_PX ** 2
+    found = cv2.StereoSGBM.create(least, count, _BLOCK_PX, 4 * area, 16 * area, uniquenessRatio=_UNIQUE,
+                                  mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY).compute(*padded)
+    found = found[:, beside:beside + left.shape[1]].astype(np.float64) / 16
+    return np.where(found < least, np.nan, found)
