@@ -23,7 +23,8 @@ from ...render.pairs.pair_folder import EYES
 from ..images.develop import to_8_bit
 from ..images.image_files import write_png
 from ..measure.prepare import Loaded
-from .encodings import MILLIMETRES, write_scaled
+from .encodings import MILLIMETRES, in_steps
+from .losses import Each, Loss
 
 #: Millimetres per step of the 16-bit depth, which then reaches 13 m.
 DEPTH_SCALE = 0.2
@@ -74,34 +75,39 @@ def _vertex_normals(solid: Solid) -> np.ndarray:
     return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30))
 
 
-def write_bop(each: Any, out: Path) -> None:
+def write_bop(each: Each, out: Path) -> None:
     """Write all pairs with a lander. A pair without one is reported as a failure."""
     models = _Models(out / "models")
     scenes: dict[str, dict[str, dict[str, Any]]] = {eye: {"camera": {}, "gt": {}, "gt_info": {}} for eye in EYES}
 
-    def write(pair: Loaded) -> None:
+    def write(pair: Loaded) -> list[Loss]:
         lander = pair.pair.data.get("lander")
         if not lander:
             raise IcyMoonError(f"{pair.pair.folder}: shows no lander, whose links BOP's layout is of; render it with "
                                "lander.kind.")
         image = str(len(scenes["left"]["camera"]))
+        losses: list[Loss] = []
         solids = solids_of(pair.settings, lander["pads_m"])
         for number, eye in enumerate(EYES):
             folder = out / "test" / f"{number:06d}"
-            _write_image(pair, eye, folder, int(image))
+            losses += _write_image(pair, eye, folder, int(image))
             scenes[eye]["camera"][image] = _camera(pair, eye)
             scenes[eye]["gt"][image], scenes[eye]["gt_info"][image] = _write_links(
                 pair, eye, folder, int(image), models, solids)
             for name, content in scenes[eye].items():
                 write_json(folder / f"scene_{name}.json", content)
+        return losses
 
     each(write)
 
 
-def _write_image(pair: Loaded, eye: str, folder: Path, image: int) -> None:
+def _write_image(pair: Loaded, eye: str, folder: Path, image: int) -> list[Loss]:
+    """Write the image and the depth of an eye; what is lost of the depth."""
     shown = to_8_bit(pair.images.for_files(eye), pair.images.bits, pair.images.encoding)
     write_png(folder / "rgb" / f"{image:06d}.png", shown if shown.ndim == 3 else np.repeat(shown[..., None], 3, axis=2))
-    write_scaled(folder / "depth" / f"{image:06d}.png", pair.depth[eye], MILLIMETRES / DEPTH_SCALE)
+    steps, losses = in_steps(pair.depth[eye], MILLIMETRES / DEPTH_SCALE, "depth", "m")
+    write_png(folder / "depth" / f"{image:06d}.png", steps)
+    return losses
 
 
 def _matrix(pair: Loaded) -> np.ndarray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from ...settings import changes
 from ..images.develop import to_8_bit
 from ..images.image_files import write_png
 from ..measure.prepare import Loaded
+from .losses import Each
 
 #: The coordinate system of the poses, for labels.
 FRAME = "ICYMOON_SITE_EAST_NORTH_UP"
@@ -82,7 +82,7 @@ class _Model:
     frames: list[dict[str, Any]] = field(default_factory=list)
 
 
-def write_colmap(each: Callable[[Callable[[Loaded], None]], None], out: Path) -> None:
+def write_colmap(each: Each, out: Path) -> None:
     """Write, for each scene, ``scene-0000/images/``, ``scene-0000/sparse/0/`` with COLMAP's ``cameras.txt``,
     ``images.txt`` and ``points3D.txt``, and ``scene-0000/transforms.json`` of nerfstudio.
 

@@ -6,11 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..images.image_files import write_bytes, write_png
+from ..images.image_files import write_bytes
+from .losses import Loss
 
 #: KITTI and others store 256 times the disparity as 16-bit PNG; 0 is no value.
 KITTI_SCALE = 256.0
 MILLIMETRES = 1000.0
+_MOST_STEPS = 65535
 
 
 def write_pfm(path: Path, values: np.ndarray) -> None:
@@ -24,12 +26,17 @@ def write_pfm(path: Path, values: np.ndarray) -> None:
     write_bytes(path, header + np.ascontiguousarray(single[::-1]).tobytes())
 
 
-def write_scaled(path: Path, values: np.ndarray, scale: float) -> None:
-    """Write (H, W) times ``scale`` as 16-bit PNG, 0 where undefined or outside 1 / scale to 65535 / scale."""
+def in_steps(values: np.ndarray, scale: float, what: str, unit: str) -> tuple[np.ndarray, list[Loss]]:
+    """``values`` (H, W) times ``scale`` as uint16, 0 where undefined, and what is lost: what is outside of 1 / scale to
+    65535 / scale."""
     with np.errstate(invalid="ignore", over="ignore"):
         steps = np.rint(values * scale)
-        fits = (steps >= 1) & (steps <= 65535)  # False for NaN
-    write_png(path, np.where(fits, steps, 0).astype(np.uint16))
+        fits = (steps >= 1) & (steps <= _MOST_STEPS)  # False for NaN
+    known = np.isfinite(values)
+    lost = int((known & ~fits).sum())
+    why = (f"outside of {1 / scale:.3g} to {_MOST_STEPS / scale:.6g} {unit}, all that 16 bits hold at {scale:g} steps "
+           f"per {unit}")
+    return np.where(fits, steps, 0).astype(np.uint16), [Loss(what, lost / int(known.sum()), why)] if lost else []
 
 
 def run_lengths(pixels: np.ndarray, count: int) -> list[int]:

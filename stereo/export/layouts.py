@@ -38,7 +38,8 @@ from ..images.image_files import write_bytes, write_png
 from ..measure.prepare import Loaded, distinct_pairs, load
 from .bop import write_bop
 from .cameras import write_cahvor, write_colmap
-from .encodings import KITTI_SCALE, MILLIMETRES, run_lengths, write_pfm, write_scaled
+from .encodings import KITTI_SCALE, MILLIMETRES, in_steps, run_lengths, write_pfm
+from .losses import Each, Loss, Losses, Write, refuse_losses
 from .parquet_index import write_parquet_index
 from .plug_in import PluginExport, find_plugins, pair_for_plugins
 from .radiance_factor import write_fits, write_tiff
@@ -47,8 +48,6 @@ from .ros_bag import write_ros2
 from .training import write_sceneflow, write_webdataset
 
 Event = Callable[[dict[str, Any]], None]
-#: Calls a function with each pair.
-Each = Callable[[Callable[[Loaded], None]], None]
 #: Writes all pairs in a layout to a folder.
 Format = Callable[[Each, Path], None]
 #: Semantic values that have instances; ground and sky have none.
@@ -62,12 +61,15 @@ def export(paths: Sequence[Path], kind: str, out: Path,
     a sentence per failure.
 
     ``response`` overrides settings that need no new render. A pair that cannot be used is left out and reported by an
-    event {"type": "error", "message"}; one that fails its self-check by {"type": "warning", "message"}. Raises
+    event {"type": "error", "message"}; one that fails its self-check by {"type": "warning", "message"}, as are losses
+    of truth that the layout cannot hold. A pair that would lose most of its disparities is left out. Raises
     IcyMoonError if there is no pair or ``out`` cannot be written.
     """
     pairs = _Pairs(distinct_pairs(paths), response or {}, on_event)
     write = FORMATS.get(kind) or _of_plugin(find_plugins().usable[kind])
     write(pairs.write_each, out)
+    for sentence in pairs.losses.sentences(pairs.written):
+        on_event({"type": "warning", "message": sentence})
     return pairs.failed
 
 
@@ -95,8 +97,9 @@ class _Pairs:
     def __init__(self, folders: Sequence[Path], response: Mapping[str, Mapping[str, Any]], on_event: Event) -> None:
         self._folders, self._response, self._tell = folders, response, on_event
         self.failed: list[str] = []
+        self.losses, self.written = Losses(), 0
 
-    def write_each(self, write: Callable[[Loaded], None]) -> None:
+    def write_each(self, write: Write) -> None:
         """Read each pair and let ``write`` write it. Raises DiskError if the disk refuses."""
         for done, folder in enumerate(self._folders, 1):
             try:
@@ -108,7 +111,8 @@ class _Pairs:
                 problems = "; ".join(pair.check.problems)
                 self._tell({"type": "warning", "message": f"{folder} fails its self-check: {problems}."})
             try:
-                write(pair)
+                self.losses.add(pair, write(pair) or ())
+                self.written += 1
             except DiskError:
                 raise
             except Exception as error:
@@ -152,19 +156,28 @@ def _write_png8(pair: Loaded, out: Path) -> None:
     write_json(folder / "calibration.json", _calibration(pair) | {"semantic": SEMANTIC | {NOT_SEEN: "not seen"}})
 
 
-def _write_png16(pair: Loaded, out: Path) -> None:
+def _write_png16(pair: Loaded, out: Path) -> list[Loss]:
     folder = out / pair.pair.folder.name
     labels = _instance_labels(pair)
+    maps: dict[str, np.ndarray] = {}
+    losses: list[Loss] = []
+    for eye in EYES:
+        for what, values, scale, unit in (("disparity", _disparity(pair, eye), KITTI_SCALE, "px"),
+                                          ("depth", pair.depth[eye], MILLIMETRES, "m")):
+            maps[f"{what}_{eye}"], lost = in_steps(values, scale, what, unit)
+            losses += lost
+    refuse_losses(pair, losses)
+    for name, steps in maps.items():
+        write_png(folder / f"{name}.png", steps)
     for eye in EYES:
         write_png(folder / f"{eye}.png", _image_16_bit(pair, eye))
-        write_scaled(folder / f"disparity_{eye}.png", _disparity(pair, eye), KITTI_SCALE)
-        write_scaled(folder / f"depth_{eye}.png", pair.depth[eye], MILLIMETRES)
         instance = pair.views[eye].instance
         if instance is not None:
             write_png(folder / f"instance_{eye}.png", np.searchsorted(labels, instance).astype(np.uint16))
     write_json(folder / "calibration.json", _calibration(pair) | {
         "disparity_steps_per_px": KITTI_SCALE, "depth_steps_per_m": MILLIMETRES,
         "instance_labels": {str(k): int(label) for k, label in enumerate(labels)}})
+    return losses
 
 
 def _image_16_bit(pair: Loaded, eye: str) -> np.ndarray:
@@ -198,16 +211,19 @@ def _write_kitti(each: Each, out: Path) -> None:
     root = out / "training"
     numbers = [("number", "pair")]
 
-    def write(pair: Loaded) -> None:
+    def write(pair: Loaded) -> list[Loss]:
         number = f"{len(numbers) - 1:06d}"
         frame = f"{number}_10.png"
+        disparity = _disparity(pair, "left")
+        every, losses = in_steps(disparity, KITTI_SCALE, "disparity", "px")
+        refuse_losses(pair, losses)
         _write_8_bit(root / "image_2" / frame, pair, "left")
         _write_8_bit(root / "image_3" / frame, pair, "right")
-        disparity = _disparity(pair, "left")
-        write_scaled(root / "disp_occ_0" / frame, disparity, KITTI_SCALE)
-        write_scaled(root / "disp_noc_0" / frame, np.where(pair.visible["left"], disparity, np.nan), KITTI_SCALE)
+        write_png(root / "disp_occ_0" / frame, every)
+        write_png(root / "disp_noc_0" / frame, np.where(pair.visible["left"], every, 0).astype(np.uint16))
         write_text(root / "calib_cam_to_cam" / f"{number}.txt", _kitti_calibration(pair))
         numbers.append((number, escape_cell(pair.pair.folder.name)))
+        return losses
 
     each(write)
     table = io.StringIO()
@@ -307,7 +323,7 @@ def coco_annotations(instance: np.ndarray | None, semantic: np.ndarray | None) -
                "segmentation": {"size": [height, width], "counts": run_lengths(pixels, height * width)}}
 
 
-def _pair_by_pair(write: Callable[[Loaded, Path], None]) -> Format:
+def _pair_by_pair(write: Callable[[Loaded, Path], Sequence[Loss] | None]) -> Format:
     """A layout in which each pair is written on its own."""
     return lambda each, out: each(lambda pair: write(pair, out))
 

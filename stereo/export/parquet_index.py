@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +16,13 @@ from ...render.pairs.scene_splits import split_of_pair
 from ...settings.table import all_settings
 from ...typed_settings import Settings
 from ..measure.prepare import Loaded
+from .losses import Each
 from .training import describe_row
 
 INDEX = "index.parquet"
 
 
-def write_parquet_index(each: Callable[[Callable[[Loaded], None]], None], out: Path) -> None:
+def write_parquet_index(each: Each, out: Path) -> None:
     """Write ``index.parquet``: the columns of ``index.csv`` of the other exports, ``folder`` (the pair's, from that of
     the index), the principal point, and as ``topic.key`` each setting that is not the same in all pairs.
 

@@ -20,13 +20,14 @@ from ...system import remove_folder, replace
 from ..images.develop import to_8_bit
 from ..measure.prepare import Loaded
 from .cameras import pose_of, quaternion, rays_of
+from .losses import Each
 
 FRAMES = {"left": "stereo_left_optical", "right": "stereo_right_optical"}
 WORLD = "map"
 _SECOND = 1_000_000_000
 
 
-def write_ros2(each: Callable[[Callable[[Loaded], None]], None], out: Path) -> None:
+def write_ros2(each: Each, out: Path) -> None:
     """Write the bag ``<out>/pairs`` (MCAP): ``/stereo/left/image_rect``, ``/stereo/left/camera_info``, the same of the
     right eye, of a colour sensor ``/stereo/left/image_rect_color`` too, ``/stereo/disparity``, ``/stereo/points2`` and
     ``/tf``.

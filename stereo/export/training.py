@@ -12,7 +12,7 @@ import io
 import json
 import tarfile
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,9 +29,9 @@ from ...version import version
 from ..images.develop import to_8_bit
 from ..images.image_files import encoded, write_bytes
 from ..measure.prepare import Loaded
-from .encodings import KITTI_SCALE, write_pfm
+from .encodings import KITTI_SCALE, in_steps, write_pfm
+from .losses import Each, Loss, refuse_losses
 
-Each = Callable[[Callable[[Loaded], None]], None]
 #: A shard is ended by the pair that takes it beyond this.
 SHARD_BYTES = 1_000_000_000
 #: What stands for an unknown disparity in SceneFlow's layout: loaders take 512 px and more for invalid, and neither NaN
@@ -92,9 +92,12 @@ def write_webdataset(each: Each, out: Path) -> None:
         raise IcyMoonError(f"{out} has shards already, and they would mix; remove them or choose another folder.")
     index, shards = _Index(), _Shards(out)
 
-    def write(pair: Loaded) -> None:
+    def write(pair: Loaded) -> list[Loss]:
+        steps, losses = in_steps(pair.pair.camera.disparity(pair.depth["left"]), KITTI_SCALE, "disparity", "px")
+        refuse_losses(pair, losses)
         split = split_of_pair(pair.pair)
-        index.add(pair, split, shards.add(split, pair.pair.id, _files_of(pair)))
+        index.add(pair, split, shards.add(split, pair.pair.id, _files_of(pair, steps)))
+        return losses
 
     try:
         each(write)
@@ -109,18 +112,15 @@ def write_webdataset(each: Each, out: Path) -> None:
     write_json(out / "croissant.json", _croissant(out, names))
 
 
-def _files_of(pair: Loaded) -> dict[str, bytes]:
-    """The files of a pair in a shard, by their suffix."""
+def _files_of(pair: Loaded, steps: np.ndarray) -> dict[str, bytes]:
+    """The files of a pair in a shard, by their suffix; ``steps`` are its disparities."""
     top = 2.0**pair.images.bits - 1
     found = {}
     for eye in EYES:
         image = pair.images.seen(eye)
         image = image[..., ::-1] if image.ndim == 3 else image
         found[f"{eye}.png"] = encoded(np.rint(65535 * (image / top)).astype(np.uint16), ".png")
-    steps = np.rint(pair.pair.camera.disparity(pair.depth["left"]) * KITTI_SCALE)
-    with np.errstate(invalid="ignore"):
-        fits = (steps >= 1) & (steps <= 65535)
-    found["disparity.png"] = encoded(np.where(fits, steps, 0).astype(np.uint16), ".png")
+    found["disparity.png"] = encoded(steps, ".png")
     found["visible.png"] = encoded(pair.visible["left"].astype(np.uint8) * 255, ".png")
     camera = pair.pair.camera.rectified
     found["camera.json"] = json.dumps({**camera.to_json(), "scene": scene_of(pair.pair)}).encode()

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import subprocess
 import sys
 
@@ -12,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from icymoon.stereo.export.encodings import run_lengths, write_pfm, write_scaled
+from icymoon.stereo.export.encodings import in_steps, run_lengths, write_pfm
 from icymoon.stereo.export.layouts import FORMATS, coco_annotations, export, write_truth
 from icymoon.stereo.images.exr import read_view
 
@@ -199,11 +200,51 @@ def test_pfm_keeps_every_finite_number(tmp_path_factory, values):
     np.testing.assert_array_equal(read_pfm(path), np.where(np.isfinite(values), values, np.nan))
 
 
-def test_what_does_not_fit_16_bits_is_unknown_never_wrapped(tmp_path):
+def test_what_does_not_fit_16_bits_is_unknown_and_counted_never_wrapped():
     values = np.array([[np.nan, np.inf, -np.inf, -1.0, 0.0, 1e-3, 1 / 256, 255.99, 256.0, 1e10, 1e308]])
-    write_scaled(tmp_path / "d.png", values, 256)
-    np.testing.assert_allclose(unscaled(read(tmp_path / "d.png"), 256)[0],
+    steps, (loss,) = in_steps(values, 256, "disparity", "px")
+    np.testing.assert_allclose(unscaled(steps, 256)[0],
                                [np.nan] * 6 + [1 / 256, 255.99] + [np.nan] * 3, atol=0.5 / 256)
+    assert loss.share == pytest.approx(6 / 8)  # of the finite ones
+    assert "outside of 0.00391 to 255.996 px" in loss.why
+    assert in_steps(values[:, :1], 256, "disparity", "px")[1] == []
+    assert in_steps(np.array([[255.9, np.nan]]), 256, "disparity", "px")[1] == []
+
+
+#: Ground half a metre before the eyes.
+NEAR = pairs.Scene(distance_m=0.5, slope_y=1.2, rock=False)
+
+
+def near_rig(baseline_m: float) -> pairs.StereoCamera:
+    return pairs.StereoCamera(96, 64, 120.0, 48.0, 32.0, baseline_m)
+
+
+@pytest.mark.parametrize("kind", ["kitti", "png16", "webdataset"])
+def test_a_pair_whose_truth_16_bits_cannot_hold_is_refused_with_a_format_that_does(tmp_path, kind):
+    pairs.write_pair(tmp_path / "set" / "pairs" / "wide", NEAR, near_rig(1.5))
+    pairs.write_pair(tmp_path / "set" / "pairs" / "fits", NEAR, near_rig(0.5))
+    heard: list[dict] = []
+    (sentence,) = export([tmp_path / "set"], kind, tmp_path / "out", on_event=heard.append)
+    assert "wide: " in sentence
+    assert re.search(r"\d+ % of its true disparities are outside of 0.00391 to 255.996 px", sentence)
+    assert "export it as pfm or middlebury" in sentence
+    assert [each["type"] for each in heard] == ["progress", "error"]
+    assert not list((tmp_path / "out").rglob("*wide*"))
+    for whole in ("pfm", "middlebury"):
+        assert not export([tmp_path / "set"], whole, tmp_path / whole)
+        stored = read_pfm(next((tmp_path / whole / "wide").glob("disp*0.pfm" if whole == "middlebury" else
+                                                               "disparity_left.pfm")))
+        assert np.nanmax(stored) > 256
+
+
+def test_truth_that_is_lost_in_part_is_reported_once_for_all_pairs(tmp_path):
+    for name, baseline in (("one", 0.9), ("two", 1.0), ("whole", 0.5)):
+        pairs.write_pair(tmp_path / "set" / "pairs" / name, NEAR, near_rig(baseline))
+    heard: list[dict] = []
+    assert not export([tmp_path / "set"], "kitti", tmp_path / "out", on_event=heard.append)
+    (warning,) = [each["message"] for each in heard if each["type"] == "warning"]
+    assert re.match(r"2 of 3 pairs lose up to \d+ % of the true disparity \(pair two\): it is outside of", warning)
+    assert warning.endswith("pfm and middlebury hold all of it.")
 
 
 def test_another_camera_response(dataset, tmp_path):
@@ -219,7 +260,7 @@ def test_a_broken_pair_is_reported_and_the_others_are_written(tmp_path):
     failed = export([tmp_path / "set"], "coco", tmp_path / "out", on_event=events.append)
     assert len(failed) == 1
     assert "left.exr" in failed[0]
-    assert [event["type"] for event in events] == ["error", "progress"]
+    assert [event["type"] for event in events] == ["progress", "error"]
     assert len(json.loads((tmp_path / "out" / "annotations.json").read_text())["images"]) == 2
     checks = list(write_truth([tmp_path / "set"], tmp_path / "truth"))
     assert [found["ok"] for found in checks] == [False, True]

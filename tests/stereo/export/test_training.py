@@ -71,7 +71,7 @@ def test_tables_state_the_sun_of_the_images_not_that_of_the_settings(tmp_path, l
 def test_an_export_that_is_stopped_leaves_no_shard(dataset, tmp_path, monkeypatch):
     made = []
 
-    def fail(pair):
+    def fail(pair, steps):
         if made:
             raise KeyboardInterrupt
         made.append(pair)

@@ -1,0 +1,57 @@
+"""Truth that a format cannot hold: refused where most of it would be lost, else reported once for all pairs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from ...errors import IcyMoonError
+from ..measure.prepare import Loaded
+
+#: A pair is not written if more of its true disparities than this share would be lost: what is left is not its truth.
+MOST_LOST = 0.5
+#: Formats that hold every number of a map.
+_WHOLE = {"disparity": "pfm and middlebury", "depth": "pfm and raw"}
+
+
+@dataclass(frozen=True)
+class Loss:
+    """What a format cannot hold of a map: the ``share`` of its known pixels, and ``why``, the end of a sentence."""
+
+    what: str  # "disparity" or "depth"
+    share: float
+    why: str
+
+
+#: Writes a pair and gives what is lost; calls such a function with each pair.
+Write = Callable[[Loaded], Sequence[Loss] | None]
+Each = Callable[[Write], None]
+
+
+def refuse_losses(pair: Loaded, losses: Sequence[Loss]) -> None:
+    """Raise IcyMoonError if most of the true disparities of a pair would be lost; call it before files are written."""
+    for loss in losses:
+        if loss.what == "disparity" and loss.share > MOST_LOST:
+            raise IcyMoonError(f"{pair.pair.folder}: {100 * loss.share:.0f} % of its true disparities are {loss.why}; "
+                               f"export it as {_WHOLE[loss.what].replace(' and ', ' or ')}.")
+
+
+@dataclass
+class Losses:
+    """What was lost in the pairs that were written."""
+
+    _found: dict[tuple[str, str], list[tuple[float, str]]] = field(default_factory=dict)
+
+    def add(self, pair: Loaded, losses: Sequence[Loss]) -> None:
+        """Note the losses of a pair, the worst of its maps."""
+        for key in {(loss.what, loss.why) for loss in losses}:
+            share = max(loss.share for loss in losses if (loss.what, loss.why) == key)
+            self._found.setdefault(key, []).append((share, pair.pair.folder.name))
+
+    def sentences(self, pairs: int) -> Iterator[str]:
+        """A sentence for each kind of loss; ``pairs`` is the number of pairs that were written."""
+        for (what, why), found in self._found.items():
+            share, name = max(found)
+            written = f"{100 * share:.2g} %" if share < 0.995 else "all"
+            yield (f"{len(found)} of {pairs} pairs lose up to {written} of the true {what} (pair {name}): it is {why}. "
+                   f"{_WHOLE[what]} hold all of it.")
