@@ -37,14 +37,14 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the verb that the arguments begin with and return its exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
     system = importlib.import_module("icymoon.system")
-    system.set_utf8_output()
+    importlib.import_module("icymoon.support.printer").open_streams()
     importlib.import_module("icymoon.bundled_wheels").use()
     # These may be busy for minutes, and leave nothing unfinished.
     system.obey_starter(at_once=arguments[:1] in (["worker"], ["resident-worker"], ["assets"]))
     if arguments and arguments[0] in _PROGRAMS:
         with system.silence_interrupts():
             if arguments[0] in _IN_BLENDER and (fault := _find_blender_fault()):
-                importlib.import_module("icymoon.render.workers.process").emit("error", message=fault)
+                importlib.import_module("icymoon.support.printer").emit("error", message=fault)
                 return 1
             program = importlib.import_module(f"icymoon.{_PROGRAMS[arguments[0]]}")
         return int(program.main(arguments[1:]))

@@ -16,6 +16,7 @@ from typing import Any
 from . import system
 from .errors import DiskError, IcyMoonError
 from .support.foreign_bytes import MOST_TEXT, decode_text, read_regular
+from .support.printer import show_controls
 
 PART = ".part"
 #: What usual file systems take: bytes of a name, characters of a path.
@@ -106,8 +107,9 @@ def json_text(data: Any) -> str:
 
 
 def escape_cell(text: str) -> str:
-    """A text for a table: what a spreadsheet would take for a formula gets an apostrophe before it."""
-    return f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text
+    """A text for a table: control characters are shown, and what a spreadsheet would take for a formula gets an
+    apostrophe before it."""
+    return show_controls(f"'{text}" if text.startswith(("=", "+", "-", "@", "\t", "\r")) else text)
 
 
 def write_json(path: Path, data: Any) -> None:

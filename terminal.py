@@ -1,18 +1,29 @@
-"""What a command shows at a terminal: its progress, and why it ended. Imports no Blender."""
+"""How a command begins, shows its progress and ends at a terminal. Imports no Blender."""
 
 from __future__ import annotations
 
 import argparse
-import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from .errors import IcyMoonError
 from .files import parse_path, shorten
+from .support import printer
 from .system import is_broken_pipe
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser of a command line, whose messages are printed as all others are."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the usage and what is wrong, and exit with status 2."""
+        super().error(printer.show_controls(message))
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        printer.print_usage(message, file is not sys.stdout)
 
 
 def as_path(text: str) -> Path:
@@ -23,25 +34,44 @@ def as_path(text: str) -> Path:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
+def run_verb(parser: argparse.ArgumentParser, arguments: Sequence[str] | None, program: str, stopped: str,
+             tell: Callable[[argparse.Namespace, IcyMoonError], None] = lambda options, error: None) -> int:
+    """Run the verb that the arguments name and return its exit status: its own, 1 after an error that is told, 130 when
+    stopped.
+
+    ``tell`` is called with an error before it is printed. Raises SystemExit for wrong usage.
+    """
+    options = parser.parse_args(arguments)
+    try:
+        try:
+            status = int(options.run(options))
+            printer.flush()
+            return status
+        except IcyMoonError as error:
+            tell(options, error)
+            raise
+    except (IcyMoonError, OSError, KeyboardInterrupt) as error:
+        return report_end(error, program, stopped)
+
+
 def report_end(error: BaseException, program: str, stopped: str) -> int:
     """Print on standard error what has ended a command, and return its exit status.
 
     An error that neither the user nor the system can cause is a defect of ours, and is raised again.
     """
     if isinstance(error, OSError) and is_broken_pipe(error):
-        # Nobody listens any more; keep Python from complaining when it flushes at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        printer.drop_output()
         return 1
     if isinstance(error, KeyboardInterrupt):
-        print(f"{program}: {stopped}", file=sys.stderr)
+        printer.warn(stopped, program)
         return 130
     if isinstance(error, IcyMoonError):
-        print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
+        printer.warn(str(error), program)
         return 1
     if isinstance(error, OSError):
         where = f"{shorten(str(error.filename))}: " if error.filename is not None else ""
-        print(f"{program}: {where}the system refuses it ({error.strerror or error}); fix that or choose another "
-              "place.", file=sys.stderr)
+        printer.warn(f"{where}the system refuses it ({error.strerror or error}); fix that or choose another place.",
+                     program)
         return 1
     raise error
 
@@ -54,21 +84,23 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
     """
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    with Progress(TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"),
-                  TimeElapsedColumn(), TimeRemainingColumn(), transient=False) as bar:
-        task = bar.add_task(title, total=1.0)
+    console = printer.make_console()
+    with Progress(TextColumn("{task.description}", markup=False), BarColumn(),
+                  TextColumn("{task.percentage:>3.0f} %", markup=False), TimeElapsedColumn(), TimeRemainingColumn(),
+                  console=console, transient=False) as bar:
+        task = bar.add_task(printer.show_controls(title), total=1.0)
 
         def show(message: dict[str, Any]) -> None:
             kind = message["type"]
             if kind == "progress":
-                bar.update(task, completed=message["fraction"], description=message["message"])
+                bar.update(task, completed=message["fraction"], description=printer.show_controls(message["message"]))
             elif kind == "warning":
-                bar.console.print(f"[yellow]Warning:[/] {message['message']}")
+                printer.print_line(console, ("Warning:", "yellow"), f" {message['message']}")
             elif kind == "pair":
                 done = f"rendered in {message['seconds']:.0f} s" if message["rendered"] else "was already there"
-                bar.console.print(f"  {message['folder']} {done}", highlight=False)
+                printer.print_line(console, f"  {message['folder']} {done}")
             elif kind == "error" and "pair" in message:
-                bar.console.print(f"[red]Set aside:[/] {message['message']}")
+                printer.print_line(console, ("Set aside:", "red"), f" {message['message']}")
             elif kind == "done":
                 bar.update(task, completed=1.0)
 
@@ -79,15 +111,10 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
 def show_count(title: str) -> Iterator[Callable[[int, int], None]]:
     """Show a line on standard error that counts what is done, if that is a terminal; gives the function that takes how
     many of how many are."""
-    def show(done: int, total: int) -> None:
-        if sys.stderr.isatty():
-            print(f"\r\033[K{title}: {done} of {total}", end="", file=sys.stderr, flush=True)
-
     try:
-        yield show
+        yield lambda done, total: printer.rewrite_line(f"{title}: {done} of {total}")
     finally:
-        if sys.stderr.isatty():
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
+        printer.rewrite_line("")
 
 
 @contextmanager
@@ -97,18 +124,18 @@ def show_counted_progress(title: str) -> Iterator[Callable[[dict[str, Any]], Non
     Standard output stays free for results. Where standard error is no terminal there is no bar, but warnings and
     errors are printed all the same.
     """
-    from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    console = printer.make_console(to_error=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
-        task = progress.add_task(title)
+        task = progress.add_task(printer.show_controls(title))
 
         def show(event: dict[str, Any]) -> None:
             if event["type"] == "progress":
-                progress.update(task, total=event["total"], completed=event["done"], description=event["message"])
+                progress.update(task, total=event["total"], completed=event["done"],
+                                description=printer.show_controls(event["message"]))
             else:
-                progress.console.print(event["message"], markup=False, highlight=False)
+                printer.print_line(console, event["message"])
 
         yield show

@@ -22,10 +22,11 @@ from ..render.plans.planned_pair import PlannedPair
 from ..render.workers.cards import choose_cards
 from ..render.workers.job import python_command
 from ..render.workers.manifest import write_manifest
-from ..render.workers.process import clean_environment, emit, report_errors
+from ..render.workers.process import clean_environment, report_errors
 from ..render.workers.runner import Runner, WorkerOptions
 from ..render.workers.slurm_scripts import SlurmRequest, write_script
 from ..render.workers.verify import verify
+from ..support import printer
 from ..system import call_ours, count_processors, kill_all, set_stop_handler, start
 from ..terminal import as_path, show_progress
 
@@ -111,7 +112,7 @@ def parse_workers(options: argparse.Namespace) -> WorkerOptions:
 def _open_output(as_json: bool) -> Iterator[Say]:
     """Where messages go: standard output as JSON lines, or a progress bar."""
     if as_json:
-        yield emit
+        yield printer.emit
         return
     with show_progress("Starting Blender") as show:
         yield lambda kind, **facts: show({"type": kind, **facts})
@@ -154,11 +155,11 @@ def _freeze_plan(plan: str, dataset: Path, blender: str = "") -> datasets.Frozen
     read = read_plan(find_plan(plan))
     check_plan(read)
     if draws := read.describe_draws():
-        print(f"icymoon: {draws}", file=sys.stderr)
+        printer.warn(draws)
     if unchecked := read.describe_unchecked():
-        print(f"icymoon: {unchecked}", file=sys.stderr)
+        printer.warn(unchecked)
     for sentence in read.describe_stand_ins():
-        print(f"icymoon: {sentence}", file=sys.stderr)
+        printer.warn(sentence)
     pairs = ordered(read.pairs())
     if blender and not (dataset / datasets.PLAN).exists():
         check_abilities((pair.settings for pair in pairs), blender)
@@ -227,10 +228,10 @@ def _evaluation_command(dataset: Path, options: argparse.Namespace, *more: str
 
 def _report_status(status: int, dataset: Path, as_json: bool) -> int:
     if status:
-        print(f"icymoon: some pairs of {dataset} were set aside, named above and in its manifest.json; run the same "
-              "command again to try them once more.", file=sys.stderr)
+        printer.warn(f"some pairs of {dataset} were set aside, named above and in its manifest.json; run the same "
+                     "command again to try them once more.")
     elif not as_json:
-        print(dataset)
+        printer.say(str(dataset))
     return status
 
 
@@ -263,9 +264,10 @@ def _run_slurm(options: argparse.Namespace) -> int:
     request = SlurmRequest(options.shards, options.at_once, options.cpus, options.memory, options.time,
                            tuple(options.sbatch))
     if frozen.note:
-        print(f"icymoon: {frozen.note}", file=sys.stderr)
+        printer.warn(frozen.note)
     script = write_script(dataset, frozen, request, options.python, options.blender)
-    print(f"sbatch {shlex.quote(str(script))}" if script else f"All {len(frozen.pairs)} pairs of {dataset} are there.")
+    printer.say(f"sbatch {shlex.quote(str(script))}" if script else
+                f"All {len(frozen.pairs)} pairs of {dataset} are there.")
     return 0
 
 
@@ -273,13 +275,13 @@ def _run_verify(options: argparse.Namespace) -> int:
     found = verify(options.dataset.absolute(), options.remove)
     for problem in found.problems:
         if options.json:
-            emit("problem", **problem.to_json())
+            printer.emit("problem", **problem.to_json())
         else:
-            print(problem.text)
+            printer.say(problem.text)
     if options.json:
-        emit("result", pairs=found.pairs, complete=found.complete, problems=len(found.problems))
+        printer.emit("result", pairs=found.pairs, complete=found.complete, problems=len(found.problems))
     elif not found.problems:
-        print(f"{found.complete} pairs, all whole and as planned.")
+        printer.say(f"{found.complete} pairs, all whole and as planned.")
     if found.problems:
         raise IcyMoonError(f"{options.dataset}: {len(found.problems)} things are wrong, {found.complete} of "
                            f"{found.pairs} pairs are whole and as planned"

@@ -13,6 +13,7 @@ from ..formats.cahvor import FIT_LIMIT_PX, Cahvor, nearest_lens, read_model
 from ..physics.camera.lens_distortion import COEFFICIENTS
 from ..settings.description import check, defaults
 from ..settings.toml_text import to_toml
+from ..support.printer import say
 from ..terminal import as_path
 from ..typed_settings import Settings
 
@@ -35,8 +36,8 @@ def add_verb(verbs: Any) -> None:
 def _run_camera(options: argparse.Namespace) -> int:
     settings, residual = read_rig(options.left, options.right, options.most_px)
     if residual:
-        print(f"# the lens is fitted, off by up to {residual:.2g} px")
-    print(to_toml(settings), end="")
+        say(f"# the lens is fitted, off by up to {residual:.2g} px")
+    say(to_toml(settings).removesuffix("\n"))
     return 0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Collection, Iterator
+from typing import Any
 
 from ..errors import IcyMoonError
 from ..physics.terrain.landforms.check_plugin import check_landform
@@ -11,9 +12,10 @@ from ..plugins.check import Check, check_package
 from ..plugins.installed import GROUPS, Found, Plugin, find
 from ..stereo.environment import packages
 from ..suggestions import nearest
+from ..support.printer import say
 
 
-def add_verb(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_verb(verbs: Any) -> None:
     """Add the verb to the command line's parser."""
     verb = verbs.add_parser("check-plugin", help="try a plug-in that is installed in this Python, and print what it "
                             "lacks")
@@ -57,13 +59,13 @@ def _run(options: argparse.Namespace) -> int:
         raise IcyMoonError(_not_found(options.name, found))
     faults = 0
     for plugin in chosen:
-        print(f"{plugin.kind} {plugin.name}, {plugin.release}")
+        say(f"{plugin.kind} {plugin.name}, {plugin.release}")
         for check in checks_of(plugin):
-            print(f"  {'FAULT' if check.fault else 'ok   '}  {check.what}", flush=True)
+            say(f"  {'FAULT' if check.fault else 'ok   '}  {check.what}", at_once=True)
             if check.fault:
-                print(f"         {check.fault}", flush=True)
+                say(f"         {check.fault}", at_once=True)
             faults += bool(check.fault)
-    print("It can be used." if not faults else f"{faults} to correct.")
+    say("It can be used." if not faults else f"{faults} to correct.")
     return 1 if faults else 0
 
 
@@ -78,7 +80,7 @@ def _not_found(name: str, found: dict[str, Found]) -> str:
 def _list(found: dict[str, Found]) -> int:
     for kind, each in found.items():
         for plugin in each.usable.values():
-            print(f"{kind} {plugin.name}, {plugin.release}")
+            say(f"{kind} {plugin.name}, {plugin.release}")
         for sentence in each.refused.values():
-            print(sentence)
+            say(sentence)
     return 1 if any(each.refused for each in found.values()) else 0

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
@@ -19,11 +19,12 @@ from ..render.cost.abilities import Abilities, ask_abilities, check_abilities
 from ..render.cost.tolerance import PX, checked_tolerance, parse_fraction
 from ..render.workers.cards import choose_cards
 from ..render.workers.job import Job, absolute_folder, render_job
-from ..render.workers.process import Message, emit, report_errors
+from ..render.workers.process import Message, report_errors
 from ..scratch import scratch_folder
 from ..settings import description, preset_files, toml_text
 from ..stereo.cli import add_decide_options, add_evaluate_options, run_decide, run_evaluate, stereo_verbs
-from ..terminal import as_path, report_end, show_counted_progress, show_progress
+from ..support import printer
+from ..terminal import Parser, as_path, run_verb, show_counted_progress, show_progress
 from ..typed_settings import Settings
 from ..version import version
 from . import batch, camera, check_plugin, plan, stand_ins, validate
@@ -38,17 +39,12 @@ _DEMO_PRESETS = ("enceladus_fresh_snow", "europa_rough_ice")
 
 def main(arguments: list[str]) -> int:
     """Run a verb and return the exit status: 0 done, 1 an error that stderr states, 130 stopped."""
-    options = _make_parser().parse_args(arguments)
-    try:
-        status = int(options.run(options))
-        sys.stdout.flush()
-        return status
-    except (IcyMoonError, OSError, KeyboardInterrupt) as error:
-        return report_end(error, "icymoon", "stopped; finished pairs are kept, run the same command to go on.")
+    return run_verb(_make_parser(), arguments, "icymoon",
+                    "stopped; finished pairs are kept, run the same command to go on.")
 
 
 def _make_parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="icymoon", description="Icy-moon landing sites seen by a stereo camera.")
+    parser = Parser(prog="icymoon", description="Icy-moon landing sites seen by a stereo camera.")
     parser.add_argument("--version", action="version", version=version())
     verbs = parser.add_subparsers(required=True, metavar="VERB")
 
@@ -75,7 +71,7 @@ def _make_parser() -> argparse.ArgumentParser:
 
     settings = verbs.add_parser("settings", help="print the described scene as TOML, every setting stated")
     _add_scene_options(settings)
-    settings.set_defaults(run=lambda options: print(toml_text.to_toml(_read_settings(options)), end="") or 0)
+    settings.set_defaults(run=_run_settings)
 
     presets = verbs.add_parser("presets", help="list the shipped presets")
     presets.set_defaults(run=_run_presets)
@@ -186,11 +182,15 @@ def _run_render(options: argparse.Namespace) -> int:
     choose_cards(options.cards)
     settings = _read_settings(options)
     if settings.source.file and settings.source.kind == "PROCEDURAL":
-        print("icymoon: source.file is not used: source.kind is PROCEDURAL; set it to MESH or HEIGHT_MAP.",
-              file=sys.stderr)
+        printer.warn("source.file is not used: source.kind is PROCEDURAL; set it to MESH or HEIGHT_MAP.")
     dataset = options.out.absolute() if options.out else absolute_folder(str(settings.dataset.folder))
     render_settings(settings, dataset, options.blender, again=options.again)
-    print(dataset)
+    printer.say(str(dataset))
+    return 0
+
+
+def _run_settings(options: argparse.Namespace) -> int:
+    printer.say(toml_text.to_toml(_read_settings(options)).removesuffix("\n"))
     return 0
 
 
@@ -208,7 +208,7 @@ def _run_demo(options: argparse.Namespace) -> int:
     dataset = options.out.absolute()
     for name in _DEMO_PRESETS:
         path = preset_files.preset_path(name)
-        print(f"{preset_files.preset_header(name)[0]}")
+        printer.say(preset_files.preset_header(name)[0])
         settings = description.merged(description.defaults(), preset_files.load(path),
                                       preset_files.load_preset("qualities/draft"))
         render_settings(settings, dataset, sys.executable)
@@ -218,7 +218,7 @@ def _run_demo(options: argparse.Namespace) -> int:
 
 
 def _emit_event(event: Message) -> None:
-    emit(event["type"], **{key: value for key, value in event.items() if key != "type"})
+    printer.emit_json(event)
 
 
 def _run_gallery(options: argparse.Namespace) -> int:
@@ -244,14 +244,14 @@ def _run_gallery(options: argparse.Namespace) -> int:
         title, text = preset_files.preset_header(preset)
         command = f"icymoon render --preset {preset}"
         if name in chosen:
-            print(f"{title}. {text}: python -m {command} --out DATASET", flush=True)
+            printer.say(f"{title}. {text}: python -m {command} --out DATASET", at_once=True)
             pair, = render_settings(scaled_view(described[name], options.scale), out, options.blender)
             write_picture(pair, picture, options.stops)
         if picture.is_file():
             shown_on_sheet.append((picture, title, command))
     sheet = out / f"gallery{ending}.jpg"
     write_sheet(shown_on_sheet, sheet)
-    print(sheet)
+    printer.say(str(sheet))
     return 0
 
 
@@ -266,7 +266,7 @@ def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], 
         found = work(Bench(scaled_view(view, options.scale), options.out.absolute(), options.blender, options.methods,
                            options.reference_samples, repeats, on_event, tuple(options.own), options.images))
     if options.json_lines:
-        emit("result", **found)
+        printer.emit("result", **found)
     else:
         show(found)
     return 0
@@ -280,10 +280,10 @@ def _run_trade(options: argparse.Namespace) -> int:
     page = options.out.absolute() / "trade.html"
 
     def show(report: dict[str, Any]) -> None:
-        print("\n".join(report["advice"]))
+        _say_all(report["advice"])
         _print_decided(report)
-        print("\n".join(report["decision_advice"]))
-        print(page)
+        _say_all(report["decision_advice"])
+        printer.say(str(page))
 
     groups = [group for group in options.groups.split(",") if group]
     return _run_bench(options, "Measuring", lambda bench: {**run_trade(bench, groups), "report": str(page)}, show,
@@ -292,27 +292,24 @@ def _run_trade(options: argparse.Namespace) -> int:
 
 def _print_decided(report: dict[str, Any]) -> None:
     """Print how the decisions of each variant differ from the reference's, as a table; nothing if there are none."""
-    from rich.console import Console
-    from rich.table import Table
-
     from ..stereo.report.table_columns import format_number
     from ..stereo.trade.report import DECISION_COLUMNS, SAME
 
     rows = [row for row in report["rows"] if row["decisions"]]
     if not rows:
         return
-    console = Console()
-    if not console.is_terminal:
-        console.width = max(console.width, 160)  # a pipe has no width, and a table in it must not be wrapped
-    table = Table(title="Decisions against those on the reference", title_justify="left")
-    for title in ("Variant", "CPU (s)", "Matcher", "Decisions", *(column.title for column in DECISION_COLUMNS)):
-        table.add_column(title, justify="left" if title in ("Variant", "Matcher") else "right")
-    for row in sorted(rows, key=lambda row: row["cpu_s"] or 0.0):
-        for method, found in row["decisions"].items():
-            table.add_row(row["name"], f"{row['cpu_s'] or 0.0:.1f}", method, SAME[found["same"]],
-                          *(format_number(found, column) for column in DECISION_COLUMNS))
-    console.print(table)
-    print(report["decision_rule"])
+    printer.print_table(
+        ("Variant", "CPU (s)", "Matcher", "Decisions", *(column.title for column in DECISION_COLUMNS)),
+        [(row["name"], f"{row['cpu_s'] or 0.0:.1f}", method, SAME[found["same"]],
+          *(format_number(found, column) for column in DECISION_COLUMNS))
+         for row in sorted(rows, key=lambda row: row["cpu_s"] or 0.0) for method, found in row["decisions"].items()],
+        "Decisions against those on the reference", left=(0, 2), narrowest=160)
+    printer.say(report["decision_rule"])
+
+
+def _say_all(sentences: Iterable[str]) -> None:
+    for sentence in sentences:
+        printer.say(sentence)
 
 
 def _run_auto(options: argparse.Namespace) -> int:
@@ -322,11 +319,11 @@ def _run_auto(options: argparse.Namespace) -> int:
 
     def show(found: dict[str, Any]) -> None:
         *tried, last = found["said"]
-        print("\n".join(tried))
+        _say_all(tried)
         if found["chosen"] is None:
             raise IcyMoonError(last)
-        print(f"{last} Add --settings {found['file']} to a command to use it:")
-        print(toml_text.to_toml(found["settings"]), end="")
+        printer.say(f"{last} Add --settings {found['file']} to a command to use it:")
+        printer.say(toml_text.to_toml(found["settings"]).removesuffix("\n"))
 
     return _run_bench(options, "Trying", lambda bench: find_cheapest_quality(bench, allowed), show)
 
@@ -334,7 +331,7 @@ def _run_auto(options: argparse.Namespace) -> int:
 def _run_presets(options: argparse.Namespace) -> int:
     for name in preset_files.preset_names():
         title, text = preset_files.preset_header(name)
-        print(f"{name:32} {title}. {text}")
+        printer.say(f"{name:32} {title}. {text}")
     return 0
 
 
@@ -342,7 +339,7 @@ def _run_sources(options: argparse.Namespace) -> int:
     from .sources import find_origins, read_pair_settings
 
     for origin in find_origins(read_pair_settings(options.path), options.names):
-        print(origin.lines)
+        printer.say(origin.lines)
     return 0
 
 
@@ -362,14 +359,15 @@ def _run_quality(options: argparse.Namespace) -> int:
                                       lambda message: show(message) if message["type"] == "progress" else None)
         found = list_qualities(settings, count_triangles(settings), speed, _ask_abilities(options.blender))
     if options.json:
-        emit("result", speed=asdict(speed), qualities=[asdict(each) for each in found])
+        printer.emit("result", speed=asdict(speed), qualities=[asdict(each) for each in found])
         return 0
-    print(f"A pair of this scene takes ({speed.basis}, {speed.processors} processors):")
+    printer.say(f"A pair of this scene takes ({speed.basis}, {speed.processors} processors):")
     for each in found:
-        print(f"  {each.name or each.title.lower():22} {each.cost:28} {'' if each.lacks else each.error}".rstrip())
+        printer.say(f"  {each.name or each.title.lower():22} {each.cost:28} "
+                    f"{'' if each.lacks else each.error}".rstrip())
     measured = next((each.errors for each in found if each.errors), None)
     if measured:
-        print(f"Errors are those of {measured['scene']}; of this scene: icymoon auto, icymoon trade.")
+        printer.say(f"Errors are those of {measured['scene']}; of this scene: icymoon auto, icymoon trade.")
     return 0
 
 

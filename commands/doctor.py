@@ -14,6 +14,7 @@ from ..plugins.landforms import landform_plugins
 from ..render.cost.abilities import probe_blender
 from ..render.workers.job import python_command
 from ..render.workers.process import clean_environment
+from ..support.printer import print_table
 from ..system import run
 
 #: The subject of the finding that names the matchers of plug-ins.
@@ -110,13 +111,9 @@ def examine_kernels(kernels: str) -> list[Finding]:
 
 def examine(blender: str, evaluator: str) -> int:
     """Print all findings as a table; 1 if something that is needed is missing."""
-    from rich.console import Console
-    from rich.table import Table
-
     findings = examine_blender(blender) + examine_evaluator(evaluator) + examine_landforms()
-    table = Table("", "found", "what to do")
     colours = {"ok": "green", "limited": "yellow", "missing": "red"}
-    for finding in findings:
-        table.add_row(f"[{colours[finding.state]}]{finding.subject}[/]", finding.fact, finding.fix)
-    Console().print(table)
+    print_table(("", "found", "what to do"),
+                [((finding.subject, colours[finding.state]), finding.fact, finding.fix) for finding in findings],
+                left=range(3))
     return int(any(finding.state == "missing" for finding in findings))

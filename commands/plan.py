@@ -15,9 +15,10 @@ from ..render.cost.speed import recall_speed
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import Plan, find_plan, read_plan, read_plan_header
 from ..render.plans.planned_pair import PlannedPair
-from ..render.workers.process import emit, report_errors
+from ..render.workers.process import report_errors
 from ..settings.preset_files import plan_names
 from ..settings.table import all_settings
+from ..support.printer import emit, say, warn
 from ..terminal import as_path, show_count
 
 
@@ -67,7 +68,7 @@ def _run_plan(options: argparse.Namespace) -> int:
     if options.plan is None:
         for name in plan_names():
             title, text = read_plan_header(find_plan(name))
-            print(f"{name:42} {title}. {text}")
+            say(f"{name:42} {title}. {text}")
         return 0
     with report_errors(options.json):
         return _print_plan(options)
@@ -91,12 +92,12 @@ def _print_pairs(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Nam
         if options.json:
             emit("planned", id=pair.id, settings={f"{topic}.{key}": pair.settings[topic][key] for topic, key in names})
         else:
-            print(describe_pair(pair, names))
+            say(describe_pair(pair, names))
     for name, why in plan.refused().items():
         if options.json:
             emit("refused", pair=name, message=why)
         else:
-            print(f"icymoon: pair {name} cannot be rendered and will be set aside: {why}", file=sys.stderr)
+            warn(f"pair {name} cannot be rendered and will be set aside: {why}")
 
 
 def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.Namespace) -> None:
@@ -111,9 +112,9 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
         emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.to_json() | {"lines": lines})
         return
     for line in (plan.title, *lines):
-        print(line)
+        say(line)
     if unchecked:
-        print(unchecked)
+        say(unchecked)
 
 
 def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) -> list[str]:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from ..errors import IcyMoonError
 from ..files import json_text, write_text
 from ..stereo.environment import packages
 from ..suggestions import nearest
+from ..support import printer
 from ..terminal import show_progress
 from ..validation.all_comparisons import load_comparisons
 from ..validation.comparison import AGREES, OFF, Bench, Comparison, Result, load_own_comparison, run_comparison
@@ -38,7 +37,7 @@ def run_validate(options: argparse.Namespace) -> int:
     without = [each for each in chosen if each.needs and each.name not in options.only
                and getattr(options, each.needs) is None]
     for each in without:
-        print(f"{each.title}: left out, because it needs data; give their folder by --{each.needs}.", file=sys.stderr)
+        printer.warn(f"{each.title}: left out, because it needs data; give their folder by --{each.needs}.")
     chosen = [each for each in chosen if each not in without]
     if options.page and not options.page.is_file():
         raise IcyMoonError(f"--page: there is no page {options.page}; give one that exists.")
@@ -53,9 +52,9 @@ def run_validate(options: argparse.Namespace) -> int:
         page = options.page.read_text(encoding="utf-8")
         write_text(options.page, replace_sections(page, results))
     if options.json:
-        print(json.dumps(report))
+        printer.emit_json(report)
     else:
-        print(out / "validation.md")
+        printer.say(str(out / "validation.md"))
     return 0 if report["passes"] else 1
 
 
@@ -74,19 +73,15 @@ def _run_one(comparison: Comparison, out: Path, options: argparse.Namespace) -> 
 
 
 def _print_result(result: Result) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    console = Console()
     if result.rows:
-        table = Table("", "here", "held against", "allowed", "off by", "verdict")
+        rows: list[list[str | tuple[str, str]]] = []
         for row in result.rows:
             quantity, *numbers, verdict, _ = cells(row)
-            table.add_row(quantity.replace("`", ""), *numbers, f"[red]{verdict}[/]" if row.verdict == OFF else verdict)
-        console.print(table)
+            rows.append([quantity.replace("`", ""), *numbers, (verdict, "red" if row.verdict == OFF else "")])
+        printer.print_table(("", "here", "held against", "allowed", "off by", "verdict"), rows, left=range(6))
     for source in dict.fromkeys(row.source for row in result.rows):
-        console.print(f"  Source: {source}", highlight=False, markup=False)
+        printer.say(f"  Source: {source}")
     for row in result.rows:
         if row.why and row.verdict != AGREES:
-            console.print(f"  {row.quantity.replace('`', '')}: {row.why}", highlight=False, markup=False)
-    console.print(summary(result), highlight=False, markup=False)
+            printer.say(f"  {row.quantity.replace('`', '')}: {row.why}")
+    printer.say(summary(result))

@@ -9,6 +9,7 @@ from ..errors import IcyMoonError
 from ..paper_stand_ins.cached_files import make_files, relief_m
 from ..paper_stand_ins.items import MESH_PIXELS, MESHES, PIXELS, TEXTURES, MeshItem, TextureItem
 from ..suggestions import nearest
+from ..support.printer import say
 from ..terminal import as_path
 
 
@@ -32,11 +33,11 @@ def _find_items(names: list[str]) -> list[TextureItem | MeshItem]:
 def _run(options: argparse.Namespace) -> int:
     for item in _find_items(options.names):
         if options.out is None:
-            print(_describe(item))
+            say(_describe(item))
             continue
         folder = make_files(item, options.out.absolute() / item.stem)
         height = f", height image of {relief_m(folder):.4g} m" if isinstance(item, TextureItem) else ""
-        print(f"{folder}: {_describe_size(item)}{height}")
+        say(f"{folder}: {_describe_size(item)}{height}")
     return 0
 
 

@@ -16,6 +16,7 @@ from ..files import write_text
 from ..render.workers.job import Job, blender_command
 from ..render.workers.process import Message, Process
 from ..scratch import make_scratch_folder
+from ..support.printer import show_controls
 from ..system import remove_folder
 from ..typed_settings import Settings
 
@@ -41,7 +42,7 @@ def as_warnings(hear: Hear) -> Hear:
     """The same, with warnings also issued as Python's."""
     def hear_all(message: Message) -> None:
         if message["type"] == "warning":
-            warnings.warn(message["message"], stacklevel=2)
+            warnings.warn(show_controls(message["message"]), stacklevel=2)
         hear(message)
 
     return hear_all

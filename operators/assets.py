@@ -9,6 +9,7 @@ from ..formats.asset_library import uninstall
 from ..preferences import asset_folder, find_asset_libraries, has_assets
 from ..render.workers.job import blender_command
 from ..render.workers.process import Message, Process
+from ..support.printer import show_controls
 from . import jobs
 from .sidebar_text import in_window
 
@@ -77,8 +78,9 @@ class ICYMOON_OT_remove_asset_library(bpy.types.Operator):
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         if left:
-            self.report({"WARNING"}, f"{asset_folder()} still contains {len(left)} of your own files, such as "
-                                     f"{left[0].name}, so it stays an asset library")
+            self.report({"WARNING"}, show_controls(
+                f"{asset_folder()} still contains {len(left)} of your own files, such as {left[0].name}, so it stays "
+                "an asset library"))
             _show_in_browsers()
             return {"FINISHED"}
         for library in find_asset_libraries():

@@ -21,6 +21,7 @@ from ..render.workers.detached import Detached, find_left_running
 from ..render.workers.job import blender_command
 from ..render.workers.process import Message, Process, clean_environment
 from ..settings.preset_files import plan_names
+from ..support.printer import show_controls
 from ..system import user_key
 from ..typed_settings import Settings
 from . import dialogs, evaluate, jobs
@@ -216,7 +217,8 @@ class DatasetOperator(jobs.JobOperator):
         return job
 
     def report_success(self, context: bpy.types.Context) -> None:
-        self.report({"INFO"}, f"The data set in {self._process.facts['dataset']} is rendered")  # type: ignore[attr-defined]
+        dataset = self._process.facts["dataset"]  # type: ignore[attr-defined]
+        self.report({"INFO"}, show_controls(f"The data set in {dataset} is rendered"))  # type: ignore[attr-defined]
         if self._process.facts.get("evaluate"):
             self._keeper.report(self, context)  # type: ignore[arg-type]
 

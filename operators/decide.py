@@ -11,6 +11,7 @@ from .. import scene_properties
 from ..preferences import find_evaluator_python
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
+from ..support.printer import show_controls
 from . import jobs, own_reports
 from .evaluate import matcher_arguments, response_arguments
 from .render import dataset_folder
@@ -39,7 +40,7 @@ class ICYMOON_OT_decide(jobs.JobOperator, bpy.types.Operator):
 
     def report_success(self, context: bpy.types.Context) -> None:
         for sentence in self._sentences:
-            self.report({"INFO"}, sentence)
+            self.report({"INFO"}, show_controls(sentence))
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
 

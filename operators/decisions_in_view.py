@@ -12,6 +12,7 @@ from ..nodes import painted_decisions, painted_errors
 from ..nodes.built_scene import Built
 from ..stereo.decisions import stored_maps
 from ..stereo.matchers.methods import describe_method
+from ..support.printer import show_controls
 from . import errors_in_view
 from .build import leave_edit_mode
 from .coloured_views import give_back_views, show_colours
@@ -65,7 +66,7 @@ class ICYMOON_OT_paint_decisions(bpy.types.Operator):
             return {"CANCELLED"}
         show_colours(context, list(collection.objects), solid=True)
         site = "" if stored.chosen else "; no site is safe"
-        self.report({"INFO"}, f"Decisions by {describe_method(method)} shown on the ground{site}")
+        self.report({"INFO"}, show_controls(f"Decisions by {describe_method(method)} shown on the ground{site}"))
         return {"FINISHED"}
 
 

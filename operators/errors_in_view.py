@@ -16,6 +16,7 @@ from ..settings import change_announcements
 from ..settings.table import TOPICS
 from ..stereo.ground_errors import DepthErrors, read_depth_errors
 from ..stereo.matchers.methods import describe_method
+from ..support.printer import show_controls
 from .build import leave_edit_mode
 from .coloured_views import hide_errors, is_shown, show_colours
 from .render import dataset_folder, planned_pairs
@@ -45,7 +46,7 @@ class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         show_colours(context, [item])
-        self.report({"INFO"}, f"{len(item.data.polygons)} points measured by {describe_method(method)}")
+        self.report({"INFO"}, show_controls(f"{len(item.data.polygons)} points measured by {describe_method(method)}"))
         return {"FINISHED"}
 
 
@@ -69,7 +70,7 @@ class ICYMOON_OT_paint_errors(ResultOperator, bpy.types.Operator):
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         show_colours(context, list(collection.objects), solid=True)
-        self.report({"INFO"}, f"Depth errors of {describe_method(method)} painted on the ground")
+        self.report({"INFO"}, show_controls(f"Depth errors of {describe_method(method)} painted on the ground"))
         return {"FINISHED"}
 
 

@@ -24,6 +24,7 @@ from ..settings.table import all_settings
 from ..settings.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
 from ..stereo.matchers.methods import toggle_method
+from ..support.printer import show_controls
 from ..typed_settings import Settings
 from . import jobs, own_reports, results
 from .render import dataset_folder, planned_pairs
@@ -76,7 +77,7 @@ class ResultKeeper:
         """Report the metrics to the user."""
         jobs.push_undo("Evaluate")  # otherwise undoing the previous step would remove the results too
         for sentence in results.outcomes(results.summary(self.scene) if self.scene is not None else ()):
-            operator.report({"INFO"}, sentence)
+            operator.report({"INFO"}, show_controls(sentence))
         if self.scene == context.scene:
             results.show_error_image(context, open_window=False)
 
@@ -157,7 +158,7 @@ class ICYMOON_OT_evaluate_folder(jobs.JobOperator, bpy.types.Operator):
 
     def report_success(self, context: bpy.types.Context) -> None:
         for sentence in results.outcomes(self._rows):
-            self.report({"INFO"}, sentence)
+            self.report({"INFO"}, show_controls(sentence))
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
 
@@ -185,7 +186,8 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
         group = context.scene.icymoon.dataset
         known = (*TITLES, *plugin_matcher_names())
         if not self.matcher.startswith(f"{OWN}:") and self.matcher not in known:
-            self.report({"ERROR"}, f"There is no matcher {self.matcher}; choose {', '.join(known)} or {OWN}:NAME.")
+            self.report({"ERROR"}, show_controls(
+                f"There is no matcher {self.matcher}; choose {', '.join(known)} or {OWN}:NAME."))
             return {"CANCELLED"}
         group.methods = toggle_method(group.methods, self.matcher)
         return {"FINISHED"}

@@ -10,6 +10,7 @@ import bpy
 from ..commands.doctor import Finding, examine_blender, examine_evaluator, examine_kernels, examine_landforms
 from ..errors import IcyMoonError
 from ..preferences import find_evaluator_python, kernels, matchers, show_findings
+from ..support.printer import show_controls
 from .sidebar_text import in_window, plain
 
 
@@ -37,7 +38,7 @@ class ICYMOON_OT_check_evaluator(bpy.types.Operator):
         if missing:
             self.report({"ERROR"}, in_window(f"{missing.subject}: {missing.fact}. {missing.fix}".strip()))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Ready: {', '.join(f.subject for f in found if f.state == 'ok')}")
+        self.report({"INFO"}, show_controls(f"Ready: {', '.join(f.subject for f in found if f.state == 'ok')}"))
         return {"FINISHED"}
 
 

@@ -11,6 +11,7 @@ from .. import scene_properties
 from ..preferences import find_evaluator_python
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
+from ..support.printer import show_controls
 from ..typed_settings import Settings
 from . import jobs, results
 from .evaluate import rendered_pairs, response_arguments
@@ -41,7 +42,7 @@ class ICYMOON_OT_expose(jobs.JobOperator, bpy.types.Operator):
             self._images = [Path(folder) / f"{eye}.png" for folder in message["folders"] for eye in ("left", "right")]
 
     def report_success(self, context: bpy.types.Context) -> None:
-        self.report({"INFO"}, f"{len(self._images)} images in {self._images[0].parent.parent}")
+        self.report({"INFO"}, show_controls(f"{len(self._images)} images in {self._images[0].parent.parent}"))
         results.show_images(context, self._images, open_window=True)
 
 

@@ -13,6 +13,7 @@ from ..preferences import has_own_evaluator, own_evaluator_python, show_findings
 from ..render.workers.job import python_command
 from ..render.workers.process import Process, clean_environment
 from ..stereo.environment.install import DISK_MB
+from ..support.printer import show_controls
 from ..system import find_pythons, is_python, remove_folder, run
 from . import jobs
 
@@ -103,11 +104,12 @@ class ICYMOON_OT_remove_evaluator(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         folder = own_evaluator_python().parents[1]
         if not (folder / "pyvenv.cfg").is_file() or folder.is_symlink():
-            self.report({"ERROR"}, f"{folder} is not an environment that Install Evaluator made; remove it by hand.")
+            self.report({"ERROR"}, show_controls(
+                f"{folder} is not an environment that Install Evaluator made; remove it by hand."))
             return {"CANCELLED"}
         remove_folder(folder)
         show_findings([])
-        self.report({"INFO"}, f"Removed {folder}")
+        self.report({"INFO"}, show_controls(f"Removed {folder}"))
         return {"FINISHED"}
 
 

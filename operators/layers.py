@@ -11,6 +11,7 @@ from ..nodes.ground.terrain_mesh import roughness_table
 from ..settings import description
 from ..settings.change_announcements import announce
 from ..settings.table import TOPICS
+from ..support.printer import show_controls
 
 
 def _announce(context: bpy.types.Context) -> None:
@@ -101,7 +102,7 @@ class ICYMOON_OT_show_roughness(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         for row in self._measure(context):
-            self.report({"INFO"}, "  ".join(row))
+            self.report({"INFO"}, show_controls("  ".join(row)))
         return {"FINISHED"}
 
     def _measure(self, context: bpy.types.Context) -> list[tuple[str, ...]]:

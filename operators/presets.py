@@ -22,6 +22,7 @@ from ..preferences import extension_folder
 from ..render.cycles_settings import find_lack
 from ..settings import changes, description, preset_files, toml_text
 from ..stereo.pair_views import read_pair_views
+from ..support.printer import show_controls
 from ..system import name_fault, remove
 from ..typed_settings import Settings
 from . import dialogs, first_picture, live_preview, refine
@@ -271,7 +272,7 @@ class ICYMOON_OT_add_preset(bpy.types.Operator):
             return {"CANCELLED"}
         group.preset = f"{OWN}{stem}"
         without = "" if pictured else "; it gets its picture if you save it after Render Stereo Pair"
-        self.report({"INFO"}, f"Saved {own_folder() / stem}.toml{without}")
+        self.report({"INFO"}, show_controls(f"Saved {own_folder() / stem}.toml{without}"))
         return {"FINISHED"}
 
 

@@ -18,6 +18,7 @@ from ..render.worker import render_pairs
 from ..render.workers.job import Job as JobFiles
 from ..render.workers.job import absolute_folder, blender_command
 from ..render.workers.process import Message, Process
+from ..support.printer import show_controls
 from ..typed_settings import Settings
 from . import jobs
 from .build import frame_and_expose, leave_edit_mode, look_through, views_through
@@ -123,7 +124,8 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
                                context.scene.frame_current, time.perf_counter() - start, lambda *a, **k: None,
                                self.again)
         context.scene.icymoon.pairs = " ".join(folder.name for folder in folders)
-        self.report({"INFO"}, f"{len(folders)} stereo pair{'s' * (len(folders) > 1)} in {folders[0].parent}")
+        self.report({"INFO"}, show_controls(
+            f"{len(folders)} stereo pair{'s' * (len(folders) > 1)} in {folders[0].parent}"))
 
     def report_success(self, context: bpy.types.Context) -> None:
         self.report({"INFO"}, "Stereo pair rendered; press Evaluate to measure it")

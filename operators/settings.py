@@ -10,6 +10,7 @@ from .. import scene_properties
 from ..errors import IcyMoonError
 from ..files import write_text
 from ..settings import preset_files, toml_text
+from ..support.printer import show_controls
 from . import dialogs
 from .sidebar_text import in_window
 
@@ -54,7 +55,7 @@ class ICYMOON_OT_save_settings(dialogs.TomlFileDialog, bpy.types.Operator):
         except IcyMoonError as error:
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Saved {path}")
+        self.report({"INFO"}, show_controls(f"Saved {path}"))
         return {"FINISHED"}
 
 

@@ -28,6 +28,7 @@ from ..scratch import make_scratch_folder
 from ..settings import change_announcements
 from ..settings.changes import response
 from ..stereo.pair_views import PairViews, read_pair_views
+from ..support.printer import show_controls
 from ..system import remove_folder
 from ..typed_settings import typed
 from . import image_editor, live_preview, view_exposure
@@ -191,7 +192,7 @@ class ShowsPair:
         except IcyMoonError as error:
             return self._fail(error)
         assert shown is not None
-        self.report({"INFO"}, "; ".join(shown.views.lines))  # type: ignore[attr-defined]
+        self.report({"INFO"}, show_controls("; ".join(shown.views.lines)))  # type: ignore[attr-defined]
         return {"FINISHED"}
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:

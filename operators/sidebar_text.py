@@ -25,6 +25,7 @@ from ..render.cost.abilities import Abilities
 from ..render.cost.quality_presets import QualityPreset, list_qualities
 from ..render.cost.speed import Speed, recall_speed
 from ..settings.table import TOPICS, Setting
+from ..support.printer import show_controls
 from ..typed_settings import LightSettings, RigSettings, SensorSettings, Settings
 
 #: Disparity error, px, for which the depth error is given: that of good matchers on textured ground.
@@ -87,7 +88,7 @@ def place_of(topic: str, setting: Setting) -> str:
 
 def in_window(message: object) -> str:
     """A message as an operator reports it: in the window with the labels of settings, headless with their keys."""
-    return str(message) if bpy.app.background else plain(str(message))
+    return show_controls(str(message) if bpy.app.background else plain(str(message)))
 
 
 def line_length() -> int:

@@ -19,6 +19,7 @@ from ..render.workers.job import Job, blender_command, python_command
 from ..render.workers.process import Message, Process, clean_environment
 from ..scratch import make_scratch_folder
 from ..settings import toml_text
+from ..support.printer import show_controls
 from ..system import remove_folder
 from ..typed_settings import Settings
 from . import jobs, sidebar_text
@@ -98,7 +99,7 @@ class ICYMOON_OT_trade(_MeasureDialog, jobs.JobOperator, bpy.types.Operator):
         return _begin(context, "trade", self.bl_label, hear, *self._common())
 
     def report_success(self, context: bpy.types.Context) -> None:
-        self.report({"INFO"}, f"The report is {self._page}")
+        self.report({"INFO"}, show_controls(f"The report is {self._page}"))
         if not bpy.app.background:
             bpy.ops.wm.url_open(url=self._page.as_uri())
 

@@ -37,6 +37,7 @@ from ..render.plans.vary_scene import (
 )
 from ..settings import change_announcements
 from ..settings.table import TOPICS, Setting
+from ..support.printer import show_controls
 from ..typed_settings import Settings
 from . import dataset, dialogs, jobs, results, variation_pictures
 from .render import dataset_folder
@@ -395,7 +396,7 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         try:
             bpy.ops.icymoon.render_variations("INVOKE_DEFAULT", folder=self.folder)
         except RuntimeError as error:  # what it has reported
-            self.report({"ERROR"}, str(error).removeprefix("Error: ").strip())
+            self.report({"ERROR"}, show_controls(str(error).removeprefix("Error: ").strip()))
             return {"CANCELLED"}
         return {"FINISHED"}
 
@@ -411,7 +412,7 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         plan = str(folder / PLAN)
         command = dataset.batch_command(settings, plan)  # which is refused before anything is written
         if (folder / FROZEN).is_file():
-            self.report({"INFO"}, f"Continuing the data set in {folder}")
+            self.report({"INFO"}, show_controls(f"Continuing the data set in {folder}"))
         write_text(folder / PLAN, text)
         process = dataset.start_batch(settings, command, plan)
         if group.folder != settings.dataset.folder:
@@ -449,7 +450,7 @@ class ICYMOON_OT_save_plan(dialogs.TomlFileDialog, bpy.types.Operator):
         except IcyMoonError as error:
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
-        self.report({"INFO"}, f"Saved {path}")
+        self.report({"INFO"}, show_controls(f"Saved {path}"))
         return {"FINISHED"}
 
 

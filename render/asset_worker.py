@@ -11,8 +11,8 @@ from pathlib import Path
 from ..formats.asset_library import install
 from ..nodes.assets import asset_names, write_asset
 from ..scratch import scratch_folder
+from ..support.printer import emit
 from .worker import run_to_exit
-from .workers.process import emit
 
 _NO_MEMORY = "There is not enough memory to make the asset library; close other programs and make it again."
 

@@ -27,6 +27,7 @@ from ..physics.camera.blur import blur_identity
 from ..physics.scene_requirements import surface_topics
 from ..physics.surfaces import principled
 from ..settings.description import digest, merged
+from ..support.printer import emit
 from ..typed_settings import Settings
 from .ground_files import Triangles, frame_facts, write_map, write_meshes
 from .ground_maps import make_ground_map
@@ -34,7 +35,6 @@ from .plans.planned_pair import PlannedPair
 from .scene_source import ScenesFromSettings
 from .worker import pairs_of_job, run_to_exit
 from .workers.job import read_job
-from .workers.process import emit
 
 _NO_MEMORY = "There is not enough memory to write the geometry; close other programs, or make the ground coarser."
 

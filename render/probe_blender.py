@@ -9,8 +9,8 @@ import sys
 import bpy
 
 from .. import compat
+from ..support.printer import emit
 from . import graphics_cards
-from .workers.process import emit
 
 
 def main(arguments: list[str]) -> int:

@@ -14,12 +14,12 @@ from typing import NoReturn
 
 from ..errors import IcyMoonError
 from ..files import read_text
+from ..support.printer import emit
 from ..typed_settings import typed
 from .resident_scenes import ResidentScenes
 from .worker import run_to_exit
 from .workers.job import read_job
 from .workers.memory import describe_shortage
-from .workers.process import emit
 
 _LOOK_S = 0.02
 

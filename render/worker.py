@@ -21,6 +21,7 @@ from ..errors import DiskError, IcyMoonError
 from ..nodes import painted_errors
 from ..nodes.scene import Built, extra, find, separate_copies
 from ..settings.description import check, defaults, merged, restored
+from ..support.printer import emit
 from ..system import end_at_interrupt
 from ..typed_settings import Settings
 from . import baked_light
@@ -33,7 +34,6 @@ from .scene_source import FixedScene, ScenesFromSettings
 from .workers.claims import Claims
 from .workers.job import read_job
 from .workers.memory import describe_shortage
-from .workers.process import emit
 
 Send = Callable[..., None]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 
-from ..system import set_utf8_output
+from ..support.printer import open_streams
 from .cli import main
 
 if __name__ == "__main__":
-    set_utf8_output()
+    open_streams()
     sys.exit(main())

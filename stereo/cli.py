@@ -12,7 +12,8 @@ from typing import Any
 
 from ..errors import IcyMoonError
 from ..plugins.installed import Found, find
-from ..terminal import as_path, report_end, show_counted_progress, show_progress
+from ..support import printer
+from ..terminal import Parser, as_path, run_verb, show_counted_progress, show_progress
 from .environment import packages
 from .export import EXPORTS
 
@@ -21,21 +22,16 @@ PROGRAM = "icymoon.stereo"
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code: 0, 1 for an error that the user can fix, 2 for wrong usage, 130 when
     interrupted."""
-    parsed = _parser().parse_args(arguments)
-    try:
-        code: int = parsed.run(parsed)
-        sys.stdout.flush()
-        return code
-    except (IcyMoonError, OSError, KeyboardInterrupt) as error:
-        if isinstance(error, IcyMoonError):
-            error = IcyMoonError(" ".join(str(error).split()))
-            if getattr(parsed, "json_lines", False):
-                _print_json_line({"type": "error", "message": str(error)})
-        return report_end(error, PROGRAM, "interrupted")
+    return run_verb(_parser(), arguments, PROGRAM, "interrupted", _emit_error)
+
+
+def _emit_error(parsed: argparse.Namespace, error: IcyMoonError) -> None:
+    if getattr(parsed, "json_lines", False):
+        printer.emit("error", message=" ".join(str(error).split()))
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog=f"python -m {PROGRAM}", description="Evaluate stereo on rendered pairs.")
+    parser = Parser(prog=f"python -m {PROGRAM}", description="Evaluate stereo on rendered pairs.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     command = commands.add_parser("check", help="report as one line of JSON whether this Python can evaluate")
@@ -140,10 +136,10 @@ def _run_check(parsed: argparse.Namespace) -> int:
         found = find_plugins()
         report |= {"matchers": {name: plugin.release for name, plugin in found.usable.items()},
                    "refused": list(found.refused.values())}
-    _print_json_line(report)
+    printer.emit_json(report)
     if report["ok"]:
         return 0
-    print(f"{PROGRAM}: {report['message']}", file=sys.stderr)
+    printer.warn(report["message"], PROGRAM)
     return 1
 
 
@@ -152,18 +148,18 @@ def _run_methods(parsed: argparse.Namespace) -> int:
     from .matchers import MATCHERS, describe_matcher, find_plugins
 
     if parsed.method:
-        print(describe_matcher(parsed.method))
+        printer.say(describe_matcher(parsed.method))
         return 0
-    print("\n\n".join(map(describe_matcher, MATCHERS)))
+    printer.say("\n\n".join(map(describe_matcher, MATCHERS)))
     found = find_plugins()
     unusable = list(found.refused.values())
     for name in found.usable:  # one that is broken hides no other
         try:
-            print(f"\n{describe_matcher(name)}")
+            printer.say(f"\n{describe_matcher(name)}")
         except IcyMoonError as error:
             unusable.append(str(error))
     for sentence in unusable:
-        print(f"{PROGRAM}: {sentence}", file=sys.stderr)
+        printer.warn(sentence, PROGRAM)
     return 1 if unusable else 0
 
 
@@ -184,8 +180,8 @@ def _run_match(parsed: argparse.Namespace) -> int:
     facts = {BM_MIN_DISPARITY: info["options"]["min_disparity"]} if parsed.method == "bm" else {}
     write_disparity(parsed.out, disparity, info["arrays"], **facts)
     if (searched := info["search"]) and searched.source == FIXED:
-        print(f"{PROGRAM}: the rig is not known, so {parsed.method} searched {searched.least_px} to {searched.most_px} "
-              "px; give --camera PAIR or state the range.", file=sys.stderr)
+        printer.warn(f"the rig is not known, so {parsed.method} searched {searched.least_px} to {searched.most_px} px; "
+                     "give --camera PAIR or state the range.", PROGRAM)
     return 0
 
 
@@ -195,7 +191,7 @@ def _run_metrics(parsed: argparse.Namespace) -> int:
 
     numbers = measure_files(parsed.prediction, parsed.disparity, parsed.truth, parsed.focal_baseline, parsed.guiss,
                             parsed.bm_min_disparity)
-    _print_json_line({key: value if math.isfinite(value) else None for key, value in numbers.items()})
+    printer.emit_json({key: value if math.isfinite(value) else None for key, value in numbers.items()})
     return 0
 
 
@@ -258,17 +254,17 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
                                "these out.")
         follow_until_input_ends(parsed.path[0], methods, parsed.out, response, parsed.points)
         return 0
-    progress = nullcontext(_print_json_line) if parsed.json_lines else show_counted_progress("Evaluating")
+    progress = nullcontext(printer.emit_json) if parsed.json_lines else show_counted_progress("Evaluating")
     with progress as on_event:
         report = evaluate(parsed.path, methods, parsed.out, response, on_event, parsed.seed, parsed.guiss,
                           parsed.points, parsed.predictions, parsed.jobs, parsed.dask)
     path = (parsed.out / "report.html").resolve()
     if parsed.json_lines:
-        _print_json_line({"type": "result", "report": str(path), "rows": report["summary"], "notes": report["notes"]})
+        printer.emit_json({"type": "result", "report": str(path), "rows": report["summary"], "notes": report["notes"]})
     else:
         if any(entry["pairs"] for entry in report["summary"]):
             _print_summary(report)
-        print(path)
+        printer.say(str(path))
     if report["failed"]:
         raise IcyMoonError(f"{len(report['failed'])} of the evaluations failed, the first one: "
                            f"{report['failed'][0]['message']}")
@@ -311,17 +307,17 @@ def run_decide(parsed: argparse.Namespace) -> int:
         raise IcyMoonError(f"--cell-m is {parsed.cell_m}; give metres above 0.")
     methods = parse_methods(parsed.methods, parsed.option, parsed.own, parsed.method)
     response = _read_response([], parsed.set)
-    progress = nullcontext(_print_json_line) if parsed.json_lines else show_counted_progress("Deciding")
+    progress = nullcontext(printer.emit_json) if parsed.json_lines else show_counted_progress("Deciding")
     with progress as on_event:
         report = decide_pairs(parsed.path, methods, parsed.out, read_rules(parsed.rules), response, on_event,
                               parsed.cell_m, PoseError(parsed.pose_error_mm, parsed.pose_error_deg), parsed.seed)
     path = (parsed.out / "decisions.html").resolve()
     if parsed.json_lines:
-        _print_json_line({"type": "result", "report": str(path), "rows": report["summary"], "head": report["head"],
+        printer.emit_json({"type": "result", "report": str(path), "rows": report["summary"], "head": report["head"],
                           "notes": report["notes"]})
     else:
         _print_decisions(report)
-        print(path)
+        printer.say(str(path))
     if report["failed"]:
         raise IcyMoonError(f"{len(report['failed'])} of the decisions failed, the first one: "
                            f"{report['failed'][0]['message']}")
@@ -330,24 +326,14 @@ def run_decide(parsed: argparse.Namespace) -> int:
 
 def _print_decisions(report: dict[str, Any]) -> None:
     """Print the summary of ``decide`` as a table, with what limits it."""
-    from rich.console import Console
-    from rich.table import Table
-
     from .decisions.report import DEM, OTHERS, SITES, format_cell
 
-    console = Console()
-    if not console.is_terminal:
-        console.width = max(console.width, 160)
     columns = (*SITES[:6], DEM[1], DEM[3], DEM[4], *OTHERS[2:])
-    table = Table(title="Means over pairs", title_justify="left")
-    table.add_column("Method", overflow="fold")
-    for column in columns:
-        table.add_column(column.title, justify="right")
-    for entry in report["summary"]:
-        table.add_row(entry["method"], *(format_cell(entry, column) for column in columns))
-    console.print(table)
+    printer.print_table(("Method", *(column.title for column in columns)),
+                        [(entry["method"], *(format_cell(entry, column) for column in columns))
+                         for entry in report["summary"]], "Means over pairs", narrowest=160)
     for sentence in (*report["head"], *report["notes"]):
-        print(sentence)
+        printer.say(sentence)
 
 
 def _run_truth(parsed: argparse.Namespace) -> int:
@@ -356,7 +342,7 @@ def _run_truth(parsed: argparse.Namespace) -> int:
 
     bad = []
     for found in write_truth(parsed.path, parsed.out):
-        _print_json_line(found)
+        printer.emit_json(found)
         bad += [] if found["ok"] else [found]
     if bad:
         raise IcyMoonError(f"{len(bad)} of the pairs cannot be trusted, the first one, {bad[0]['pair']}: "
@@ -381,7 +367,7 @@ def _run_export(parsed: argparse.Namespace) -> int:
                   export(parsed.path, parsed.format, parsed.out, response, on_event))
     if failed:
         raise IcyMoonError(f"{len(failed)} of the pairs could not be exported, the first one: {failed[0]}")
-    print(parsed.out.resolve())
+    printer.say(str(parsed.out.resolve()))
     return 0
 
 
@@ -394,11 +380,11 @@ def _export_mitsuba(parsed: argparse.Namespace) -> int:
     pairs = [read_pair(folder) for folder in distinct_pairs(parsed.path)]
     for pair in pairs:
         for sentence in find_left_out(pair.settings, sky(pair.settings.light)):
-            print(f"icymoon: pair {pair.id}: {sentence}", file=sys.stderr)
+            printer.warn(f"pair {pair.id}: {sentence}")
     with show_progress("Starting Blender") as show:
         export_mitsuba(pairs, parsed.out, parsed.blender,
                        lambda message: show(message) if message["type"] == "progress" else None)
-    print(parsed.out.resolve())
+    printer.say(str(parsed.out.resolve()))
     return 0
 
 
@@ -415,8 +401,8 @@ def _export_ground(parsed: argparse.Namespace) -> int:
                                 lambda message: show(message) if message["type"] == "progress" else None)
     for folder in folders:
         for sentence in json.loads((folder / "geometry.json").read_text(encoding="utf-8"))["left_out"]:
-            print(f"icymoon: {folder.name} is without {sentence}", file=sys.stderr)
-    print(parsed.out.resolve())
+            printer.warn(f"{folder.name} is without {sentence}")
+    printer.say(str(parsed.out.resolve()))
     return 0
 
 
@@ -425,13 +411,13 @@ def _run_develop(parsed: argparse.Namespace) -> int:
     from .reexpose import reexpose
 
     response = _read_response(parsed.preset, parsed.set)
-    progress = nullcontext(_print_json_line) if parsed.json_lines else show_counted_progress("Developing")
+    progress = nullcontext(printer.emit_json) if parsed.json_lines else show_counted_progress("Developing")
     with progress as on_event:
         folders = reexpose(parsed.path, parsed.out, response, on_event)
     if parsed.json_lines:
-        _print_json_line({"type": "result", "folders": [str(folder.resolve()) for folder in folders]})
+        printer.emit_json({"type": "result", "folders": [str(folder.resolve()) for folder in folders]})
     else:
-        print(parsed.out.resolve())
+        printer.say(str(parsed.out.resolve()))
     return 0
 
 
@@ -450,18 +436,11 @@ def _read_response(presets: Sequence[str], overrides: Sequence[str]) -> dict[str
     return settings
 
 
-def _print_json_line(data: dict[str, Any]) -> None:
-    print(json.dumps(data, allow_nan=False), flush=True)
-
-
 def _print_summary(report: dict[str, Any]) -> None:
     """Print the summary of ``evaluate`` as two tables: over all pixels with the ranks, and over the measured ones.
 
     The best rank is bold where the scenes allow it.
     """
-    from rich.console import Console
-    from rich.table import Table
-
     from .report.table_columns import (
         MEASURED,
         RANKING,
@@ -474,35 +453,22 @@ def _print_summary(report: dict[str, Any]) -> None:
         is_best,
     )
 
-    console = Console()
-    if not console.is_terminal:
-        console.width = max(console.width, 120)  # a pipe has no width, and a table in it must not be wrapped
     summary = report["summary"]
     pairs = max((entry["pairs"] for entry in summary), default=0)
     means = f"Means over {pairs} pair{'' if pairs == 1 else 's'}"
     for title, ranking, columns in (
             (f"{means}, all pixels with a true depth", RANKING, (*TOTALS, SECONDS)),
             (f"{means}, only the pixels that each method measured", "common_l1_m", (TOTALS[0], *MEASURED))):
-        table = Table(title=title, title_justify="left")
-        table.add_column("Method", overflow="fold")
-        table.add_column("Rank" if ranking == RANKING else "Rank by L1", justify="right")
-        for column in columns:
-            table.add_column(column.title, justify="right")
-        for entry in summary:
-            rank = format_rank(entry, ranking)
-            table.add_row(entry["method"], f"[bold]{rank}[/]" if is_best(entry, ranking, summary) else rank,
-                          *(format_result(entry, column) for column in columns))
-        console.print(table)
+        printer.print_table(
+            ("Method", "Rank" if ranking == RANKING else "Rank by L1", *(column.title for column in columns)),
+            [(entry["method"], (format_rank(entry, ranking), "bold" if is_best(entry, ranking, summary) else ""),
+              *(format_result(entry, column) for column in columns)) for entry in summary], title, narrowest=120)
     if report["plug_ins"]:
-        table = Table(title=f"{means}, metrics of plug-ins", title_justify="left")
-        table.add_column("Method", overflow="fold")
         of_plugins = columns_of_plugins(report["plug_ins"])
-        for column in of_plugins:
-            table.add_column(column.title, justify="right")
-        for entry in summary:
-            table.add_row(entry["method"], *(format_plugin(entry, column) for column in of_plugins))
-        console.print(table)
+        printer.print_table(("Method", *(column.title for column in of_plugins)),
+                            [(entry["method"], *(format_plugin(entry, column) for column in of_plugins))
+                             for entry in summary], f"{means}, metrics of plug-ins", narrowest=120)
     if report["verdicts"]:
-        console.print(report["verdicts"], highlight=False, markup=False)
+        printer.say(report["verdicts"])
     for note in report["notes"]:
-        print(note)
+        printer.say(note)

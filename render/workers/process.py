@@ -6,7 +6,6 @@ are kept, for the error if it crashes. It may be killed at any moment: nothing u
 
 from __future__ import annotations
 
-import json
 import os
 import queue
 import re
@@ -22,17 +21,13 @@ from ... import system
 from ...errors import IcyMoonError
 from ...file_shapes import TEXT, find_fault
 from ...support.foreign_bytes import parse_json
+from ...support.printer import emit
 
 Message = dict[str, Any]
 _GRACE_S = 3.0
 _TRACEBACK = "Traceback (most recent call last):"
 #: What Blender prints at its end, whatever the reason.
 _FAREWELL = re.compile(r"Blender (quit|\d+\.\d+.*)|Error: script failed, .*, exiting\.")
-
-
-def emit(kind: str, **facts: Any) -> None:
-    """Send one message to whoever started this process: a JSON line with its ``type``."""
-    print(json.dumps({"type": kind, **facts}), flush=True)
 
 
 class ProcessOutput:

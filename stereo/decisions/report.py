@@ -11,7 +11,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import matplotlib
 import numpy as np
 
@@ -22,6 +21,7 @@ from ..matchers import TITLES
 from ..measure.render_noise import DECIDES
 from ..report import comparisons
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg
+from ..report.pages import read_template
 from ..report.pictures import embed_picture
 from ..report.scene_intervals import intervals, scene_means, wilson_interval, within_range
 from ..report.table_columns import Column, format_interval, format_number
@@ -310,22 +310,20 @@ def _csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
     for row in rows:
         rate = row["numbers"]["sites"]["base_rate"] if row["numbers"] else None
         numbers = [value_of(row, column) for column in COLUMNS]
-        writer.writerow([row["pair"], escape_cell(row["method"]), row["status"], "" if rate is None else f"{rate:.6g}",
+        writer.writerow([escape_cell(row["pair"]), escape_cell(row["method"]), row["status"],
+                         "" if rate is None else f"{rate:.6g}",
                          *("" if math.isnan(number) else f"{number:.6g}" for number in numbers)])
     return stream.getvalue()
 
 
 def _page(report: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]],
           labels: Sequence[str], rules: Rules, out: Path) -> str:
-    here = Path(__file__).parent
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader([here, here.parent / "report"]), autoescape=True,
-                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     sources = tomllib.loads(read_text(SHIPPED))["sources"]
     shipped = {part: tomllib.loads(read_text(SHIPPED))[part] for part in rules.to_json()}
     stated = [(f"{part}.{key}", value, sources[f"{part}.{key}"] if shipped[part][key] == value else "Stated by --rules")
               for part, table in rules.to_json().items() for key, value in table.items()]
     titles = {column.key: column.title for column in COLUMNS}
-    return environment.get_template("decisions.html.j2").render(
+    return read_template("decisions.html.j2", Path(__file__).parent).render(
         report=report, groups=(("Sites", SITES), ("Elevation model", DEM), ("Landing pads and cost", OTHERS),
                 *((("The arm", SCOOP_COLUMNS),) if _has_scoop(rows) else ())),
         cell=format_cell, bounds=_bounds,

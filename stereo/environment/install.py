@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from ... import system
-from ...render.workers.process import emit
+from ...support.printer import emit
 from ...version import ROOT
 
 #: What is installed: one version of each package. pip checks the hash of each wheel before it unpacks the wheel.

@@ -15,7 +15,7 @@ import struct
 import sys
 import zlib
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -245,12 +245,20 @@ def _labels(channels: _Channels, passes: tuple[str, ...]) -> np.ndarray | None:
 def silence_openexr() -> Iterator[None]:
     """Discard what OpenEXR prints about a damaged file: its Python part prints on standard output, where our results
     go, its C++ part on standard error."""
-    sys.stderr.flush()
-    kept = os.dup(2)
+    with suppress(OSError, ValueError, AttributeError):  # it is absent or closed
+        sys.stderr.flush()
     try:
-        with open(os.devnull, "w", encoding="utf-8") as nowhere, redirect_stdout(nowhere):
+        kept = os.dup(2)
+    except OSError:  # nobody hears it
+        kept = -1
+    with open(os.devnull, "w", encoding="utf-8") as nowhere:
+        try:
             os.dup2(nowhere.fileno(), 2)
-            yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+            with redirect_stdout(nowhere):
+                yield
+        finally:
+            if kept >= 0:
+                os.dup2(kept, 2)
+                os.close(kept)
+            elif nowhere.fileno() != 2:
+                os.close(2)

@@ -21,6 +21,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ...files import write_atomically
 from ...settings.table import TOPICS
+from ...support.printer import show_lines
 from ..measure import by_pixel_class
 from ..measure.disparity_histograms import ERROR_PX, PARTS
 from ..measure.metrics import ERROR_STEPS_M, SHARES
@@ -97,12 +98,13 @@ def render_svg(figure: Figure, name: str, title: str) -> str:
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
     text = stream.getvalue()
     text = re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg"):], flags=re.DOTALL)
-    text = re.sub(r'(<svg [^>]*?)width="[^"]*"', rf'\1class="chart" role="img" aria-label="{title}"', text, count=1)
+    named = f'class="chart" role="img" aria-label="{title}"'
+    text = re.sub(r'(<svg [^>]*?)width="[^"]*"', lambda found: found[1] + named, text, count=1)
     text = re.sub(r'(<svg [^>]*?)height="[^"]*"', r"\1", text, count=1)
     text = re.sub(r"font: ([\d.]+)px [^;\"]*", r"font: \1px var(--sans)", text)
     text = re.sub(r'\bid="(figure|axes|patch|line2d|text|xtick|ytick|matplotlib\.axis|LineCollection|legend|'
                   r'PathCollection|FillBetweenPolyCollection|PolyCollection)_\d+"', "", text)
-    return text.replace(_INK, "var(--soft)").replace(_LINE, "var(--line)")
+    return show_lines(text.replace(_INK, "var(--soft)").replace(_LINE, "var(--line)"))
 
 
 def add_legend(figure: Figure, axis: Axes, count: int) -> None:

@@ -25,6 +25,7 @@ from ..measure.result_row import REGION_METRICS, REGIONS
 from .by_setting import Sweep
 from .charts import MOST_SWEEPS, draw_charts, method_keys
 from .conditions import Condition
+from .pages import read_template
 from .phase_curves import phase_curves
 from .pictures import MOST_IN_MATRIX, MOST_PICTURES, choose_typical, embed_left, embed_picture, picture_matrix
 from .summary import Table
@@ -68,9 +69,7 @@ _OF_ALL = ("data", "image (px)", "f·B (px·m)")
 @cache
 def _read_template() -> jinja2.Template:
     """The page's template, compiled once a process."""
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(_HERE), autoescape=True,
-                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    return environment.get_template("report.html.j2")
+    return read_template("report.html.j2")
 
 
 def write_report(report: Mapping[str, Any], ranking: Mapping[str, Any], chosen: Sequence[str], titles: Sequence[str],

@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import matplotlib
 import numpy as np
 from matplotlib.ticker import FuncFormatter
@@ -17,6 +16,7 @@ from matplotlib.ticker import FuncFormatter
 from ...files import write_json, write_text
 from ...render.cost.variants import SHAPES
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg, set_logarithmic
+from ..report.pages import read_template
 from ..report.table_columns import Column, format_number
 from .advice import decision_advice, distinct_steps, loss_text, pareto_fronts, variant_advice
 from .decisions import MOST_REGRET, RULE
@@ -63,12 +63,9 @@ def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], refer
               "provenance": dict(provenance)}
     write_json(out / "trade.json", report)
     write_text(out / "trade.csv", _csv_text(rows, methods))
-    here = Path(__file__).parent
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader([here, here.parent / "report"]), autoescape=True,
-                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     used = [group for group in groups if any(row["group"] == group for row in rows)]
     scene = [row for row in rows if row["group"] == "scene"]
-    html = environment.get_template("trade.html.j2").render(
+    html = read_template("trade.html.j2", Path(__file__).parent).render(
         report=report, columns=COLUMNS, stereo_columns=STEREO_COLUMNS, format_number=format_number,
         decision_columns=DECISION_COLUMNS, same=SAME, decided=[row for row in rows if row["decisions"]],
         chart=_draw_chart(rows, methods, best),

@@ -1,0 +1,27 @@
+"""The templates of HTML pages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import jinja2
+
+from ...support.printer import show_lines
+
+_HERE = Path(__file__).parent
+
+
+def read_template(name: str, folder: Path = _HERE) -> jinja2.Template:
+    """The template of a page in a folder; it may use what lies beside the report's.
+
+    Texts of others are neither markup nor do they have invisible control characters in the page.
+    """
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader([folder, _HERE]), autoescape=True,
+                                     undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+                                     finalize=_show)
+    return environment.get_template(name)
+
+
+def _show(value: Any) -> Any:
+    return show_lines(value) if type(value) is str else value

@@ -1,0 +1,231 @@
+"""The one printer: what this program prints to a terminal, a pipe or a log goes through here.
+
+Texts contain what others wrote: names of files, ids, errors of programs. They are printed as plain text, without
+markup, and what would steer a terminal is shown, as in ``\\x1b``. A stream that is absent, closed or knows few
+characters stops nothing. Imports no Blender, and rich only for tables and bars.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import math
+import os
+import re
+import sys
+from collections.abc import Collection, Iterable, Sequence
+from contextlib import suppress
+from typing import IO, TYPE_CHECKING, Any, cast
+
+from .. import system
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.text import Text
+
+#: What steers a terminal, ends a line or turns the direction of writing, and halves of characters.
+_CONTROLS = re.compile("[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
+_SHORT = {"\n": "\\n", "\r": "\\r", "\t": "\\t"}
+
+
+def show_controls(text: str) -> str:
+    """The text in one line, in which each control character is visible, as in ``\\x1b`` or ``\\u202e``."""
+    return text if text.isprintable() else _CONTROLS.sub(_show, text)
+
+
+def show_lines(text: str) -> str:
+    """A text of several lines, each as by ``show_controls``."""
+    return text if text.isprintable() else "\n".join(map(show_controls, text.split("\n")))
+
+
+def _show(found: re.Match[str]) -> str:
+    number = ord(found[0])
+    return _SHORT.get(found[0]) or (f"\\x{number:02x}" if number < 0x100 else f"\\u{number:04x}")
+
+
+def open_streams() -> None:
+    """Have a standard stream for each that is absent, and none that fails at a character.
+
+    A stream that was closed leaves its number to the next file that is opened, into which a library would then print.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            handle = os.open(os.devnull, os.O_RDWR)
+            if handle != number:  # a lower one is absent too, and cannot be made
+                os.dup2(handle, number)
+                os.close(handle)
+            os.set_inheritable(number, True)
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "r" if name == "stdin" else "w", encoding="utf-8"))  # noqa: SIM115
+    system.set_utf8_output()
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def say(text: str = "", at_once: bool = False) -> None:
+    """Print a line, or several, as a result on the standard output.
+
+    Raises OSError if the system refuses it: BrokenPipeError where nobody reads any more.
+    """
+    _write(sys.stdout, f"{show_lines(text)}\n", at_once)
+
+
+def warn(text: str, program: str = "icymoon") -> None:
+    """Print a sentence on the standard error, after the name of the program. Never raises."""
+    with suppress(OSError):
+        _write(sys.stderr, f"{program}: {show_controls(' '.join(text.split()))}\n")
+
+
+def rewrite_line(text: str) -> None:
+    """Put a text in place of the last line of the standard error, if that is a terminal. Never raises."""
+    with suppress(OSError, ValueError, AttributeError):
+        if sys.stderr.isatty():
+            _write(sys.stderr, f"\r\033[K{show_controls(text)}")
+
+
+def print_usage(text: str, to_error: bool) -> None:
+    """Print a help or a usage that argparse has formatted. Never raises."""
+    with suppress(OSError):
+        _write(sys.stderr if to_error else sys.stdout, text)
+
+
+def emit(kind: str, /, **facts: Any) -> None:
+    """Print one message to whoever started this process: a JSON line with its ``type``. Raises as ``say`` does."""
+    emit_json({"type": kind, **facts})
+
+
+def emit_json(data: Any) -> None:
+    """Print data as a line of JSON; a number that is not finite is null. Raises as ``say`` does."""
+    try:
+        text = json.dumps(data, allow_nan=False)
+    except ValueError:
+        text = json.dumps(_without_nan(data), allow_nan=False)
+    _write(sys.stdout, text.replace("\x7f", "\\u007f") + "\n")
+
+
+def _without_nan(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {key: _without_nan(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_without_nan(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
+
+
+def flush() -> None:
+    """Print what is still kept back. Raises as ``say`` does."""
+    _write(sys.stdout, "")
+    with suppress(OSError):
+        _write(sys.stderr, "")
+
+
+def drop_output() -> None:
+    """Print nothing more: nobody reads the standard output, and Python would complain at its end."""
+    with suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def print_table(columns: Sequence[str], rows: Iterable[Sequence[str | tuple[str, str]]], title: str = "",
+                left: Collection[int] = (0,), narrowest: int = 0) -> None:
+    """Print a table. A cell is a text, or a text and its style by rich's name.
+
+    Columns in ``left`` are aligned to the left, others to the right. ``narrowest`` is the width, in characters, of a
+    table that goes into a pipe, which has none. Raises as ``say`` does.
+    """
+    from rich.table import Table
+
+    console = make_console()
+    if not console.is_terminal:
+        console.width = max(console.width, narrowest)
+    table = Table(title=styled(title, "table.title") if title else None, title_justify="left")
+    for place, name in enumerate(columns):
+        table.add_column(styled(name), justify="left" if place in left else "right", overflow="fold")
+    for row in rows:
+        table.add_row(*(styled(*((cell,) if isinstance(cell, str) else cell)) for cell in row))
+    console.print(table)
+
+
+def print_line(console: Console, *parts: str | tuple[str, str]) -> None:
+    """Print a line on a console, above its bar if it shows one; parts are as the cells of ``print_table``."""
+    from rich.text import Text
+
+    console.print(Text.assemble(*(styled(*((part,) if isinstance(part, str) else part)) for part in parts)))
+
+
+def styled(text: str, style: str = "") -> Text:
+    """A text for rich, without markup."""
+    from rich.text import Text
+
+    return Text(show_controls(text), style)
+
+
+def make_console(to_error: bool = False) -> Console:
+    """A console of rich that prints where ``say`` or ``warn`` does, and as safely; give it instances of its Text."""
+    from rich.console import Console
+
+    stream = cast(IO[str], _Stream("stderr" if to_error else "stdout"))
+    return Console(file=stream, markup=False, highlight=False, emoji=False)
+
+
+def _write(stream: Any, text: str, at_once: bool = True) -> None:
+    """Write to a stream, if it is there."""
+    if stream is None:
+        return
+    try:
+        try:
+            stream.write(text)
+        except UnicodeEncodeError:
+            encoding = getattr(stream, "encoding", None) or "ascii"
+            stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
+        if at_once:
+            stream.flush()
+    except ValueError:  # it is closed
+        return
+    except OSError as error:
+        if error.errno != errno.EBADF:  # its file is closed
+            raise
+
+
+class _Stream:
+    """A standard stream for rich, whichever it is at the time. It fails as ``say`` does, or as ``warn``, never."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+
+    @property
+    def _stream(self) -> Any:
+        stream = getattr(sys, self._name)
+        return getattr(stream, "rich_proxied_file", stream)  # while a bar is shown, this stream prints by rich
+
+    @property
+    def encoding(self) -> str:
+        """The encoding, by which rich chooses its lines."""
+        return getattr(self._stream, "encoding", None) or "utf-8"
+
+    def write(self, text: str) -> int:
+        """Write a text, and flush."""
+        try:
+            _write(self._stream, text)
+        except OSError:
+            if self._name == "stdout":
+                raise
+        return len(text)
+
+    def flush(self) -> None:
+        """Nothing is kept back."""
+
+    def isatty(self) -> bool:
+        """Whether it is a terminal."""
+        with suppress(ValueError, AttributeError):
+            return bool(self._stream.isatty())
+        return False
+
+    def fileno(self) -> int:
+        """Its number. Raises OSError if it has none."""
+        stream = self._stream
+        if stream is None:
+            raise OSError(errno.EBADF, "absent")
+        return int(stream.fileno())
