@@ -33,6 +33,12 @@ def listed(text: str) -> list[tuple[str, list[str]]]:
     return [(parts[0], parts[1:]) for parts in (label.split(":") for label in labels if label)]
 
 
+def split_option(text: str) -> tuple[str, str, str]:
+    """('a', '=', 'b') of an option ``a=b``, without the spaces around; every reader must split it like this."""
+    key, equals, value = (part.strip() for part in text.partition("="))
+    return key, equals, value
+
+
 def own_names(text: str) -> list[str]:
     """Names of the user's own matchers in a list of matchers, without repetitions."""
     return list(dict.fromkeys(options[0] for name, options in listed(text) if name == OWN and options))
@@ -50,4 +56,4 @@ def fault(kind: str, text: str) -> str:
 
 
 def _loaded(options: Iterable[str]) -> Iterable[str]:
-    return (key for key in (option.partition("=")[0].strip() for option in options) if key in LOADS)
+    return (key for key, _, _ in map(split_option, options) if key in LOADS)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ...errors import IcyMoonError
-from ...settings.trust_boundary import OWN, OWN_NAME, listed
+from ...settings.trust_boundary import OWN, OWN_NAME, listed, split_option
 from ...suggestions import nearest
 from . import TITLES, check_options, matcher_names, option_keys
 
@@ -29,7 +29,7 @@ class Method:
 
 def parse_key_value(text: str, where: str) -> tuple[str, str]:
     """('a', 'b') of 'a=b'. Raises IcyMoonError, naming ``where``, for anything else."""
-    key, equals, value = (part.strip() for part in text.partition("="))
+    key, equals, value = split_option(text)
     if not (key and equals and value):
         raise IcyMoonError(f"{where} {text}: write it as key=value, as in window=21.")
     return key, value

@@ -13,7 +13,7 @@ from icymoon.render.plans import frozen_plan
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description, preset_files, toml_text, trust_boundary
 from icymoon.settings.table import Setting, all_settings
-from icymoon.stereo.matchers import MATCHERS
+from icymoon.stereo.matchers import MATCHERS, complete_options
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.matchers.options import Option
 from icymoon.version import ROOT
@@ -82,6 +82,61 @@ def test_it_is_left_out_of_what_an_earlier_version_has_stored(tmp_path):
     (tmp_path / frozen_plan.PLAN).write_text(json.dumps(header) + "\n" + json.dumps(line) + "\n", encoding="utf-8")
     assert frozen_plan.read_frozen_plan(tmp_path).pairs[0].settings == description.defaults()
     assert description.restored(stored, "pair.json") == description.defaults()
+
+
+#: What may stand around the name of an option without changing it, for str.strip: spaces of all kinds.
+SPACES = ["", " ", "\t", "\n", "\r\n", "\v", "\f", "\x1c", "\x85", "\u00a0", "\u2003", "\u2028", "\u3000"]
+
+
+@pytest.mark.parametrize("key", trust_boundary.LOADS)
+@pytest.mark.parametrize("space", SPACES, ids=ascii)
+def test_a_space_hides_no_program(key, space):
+    """The evaluator takes spaces off; a gate that did not would let ``external: command=sh`` through."""
+    for text in (f"external:{space}{key}=sh", f"external:{key}{space}=sh", f"own:mine:{space}{key}=sh",
+                 f"bm,{space}external{space}:{space}{key}{space}=sh", f"external:timeout_s=5:{space}{key}",
+                 f"{space}external:{key}{space}"):
+        assert f"names a {key}," in trust_boundary.fault("matchers", text), ascii(text)
+        with pytest.raises(IcyMoonError, match=f"names a {key},"):
+            description.check({"dataset": {"methods": text}}, "scene.toml")
+
+
+@pytest.mark.parametrize("text", [
+    "external:COMMAND=sh", "external:Command=sh", "external:\uff43ommand=sh", "external:command\0=sh",
+    "external:com\u00admand=sh", "external:\u200bcommand=sh", "external:\ufeffcommand=sh", "external:comm\u0430nd=sh",
+    "external:'command'=sh", "external;command=sh", "external\uff1acommand=sh", "external:command\uff1dsh",
+    "external:--command=sh", "external:external.command=sh", "EXTERNAL:x=sh", "own:../mine", "own:mine\0", "own:mine\n",
+    "own:", "own", "own::", ":::", ",,,", "own:own:mine", "own: mine", "own:mine :timeout_s=5", "external",
+    "external:timeout_s=5", "onnx:mod\0el=a", "igev:check point=a"], ids=ascii)
+def test_a_name_that_only_looks_like_one_loads_nothing(text):
+    """Whether the gate passes it or not: nobody reads it as the name of a program."""
+    assert loaded_by(text) == []
+
+
+def loaded_by(text: str) -> list[str]:
+    """Programs and checkpoints that the evaluator would load for a list of matchers that the gate passes."""
+    try:
+        given = description.check({"dataset": {"methods": text}}, "test").dataset.methods
+        methods = parse_methods(given, own=["mine:external:command=sh mine {left} {right} {out}"])
+    except IcyMoonError:
+        return []
+    found = [(method, key, str(value)) for method in methods
+             for key, value in complete_options(method.name, method.options).items() if key in trust_boundary.LOADS]
+    return [value for method, key, value in found
+            if value and not (method.label.startswith("own:mine") and value == "sh mine {left} {right} {out}")]
+
+
+_key = st.sampled_from([*trust_boundary.LOADS, "Command", "timeout_s", "window", "preset", "grey"])
+_space = st.sampled_from(SPACES)
+_option = st.tuples(_space, _key, _space, st.sampled_from(["=", "==", "", "\uff1d"]), _space,
+                    st.sampled_from(["sh {left} {right} {out}", "7", "", "guiss"])).map("".join)
+_method = st.tuples(_space, st.sampled_from([*MATCHERS, "own", "own:mine", ""]), _space,
+                    st.lists(_option, max_size=3).map(lambda options: "".join(f":{option}" for option in options))
+                    ).map("".join)
+
+
+@given(st.one_of(st.lists(_method, max_size=3).map(",".join), st.text(max_size=60)))
+def test_no_list_that_passes_the_gate_loads_a_program(text):
+    assert loaded_by(text) == []
 
 
 _pieces = st.sampled_from(["external", "igev", "own", "mine", "bm", ":", ",", "=", " ", "\t", "\u00a0", "command",
