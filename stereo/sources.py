@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from ..errors import IcyMoonError
+from ..file_shapes import FILE_NAME
 from ..files import read_checksum
 from ..render.pairs.pair_folder import has_pairs
 from .datasets.foreign_pair import ForeignPair
@@ -56,13 +57,17 @@ class RenderedPair:
 def find_sources(paths: Sequence[Path]) -> list[Source]:
     """All pairs at ``paths``, each once: pair folders, data sets, and folders in the layout of other data sets.
 
-    Raises IcyMoonError if there is none at a path, or if two different pairs have the same name.
+    Raises IcyMoonError if there is none at a path, if two different pairs have the same name, or if a name is one that
+    results cannot have.
     """
     rendered = [path for path in paths if has_pairs(path)]
     found: list[Source] = [RenderedPair(folder) for folder in (distinct_pairs(rendered) if rendered else ())]
     found += [pair for path in dict.fromkeys(paths) if path not in rendered for pair in _find_foreign(path)]
     first: dict[str, Source] = {}
     for source in found:
+        if not FILE_NAME.fits(source.name):
+            raise IcyMoonError(f"{source.folder}: results cannot have a pair of this name, which is no name of a file "
+                               "on every system; rename its folder.")
         same = first.setdefault(source.name, source)
         if same is not source:
             raise IcyMoonError(f"{same.folder} and {source.folder} have different pairs of the same name, "

@@ -117,7 +117,7 @@ def test_who_reads_no_more_ends_the_program_quietly(monkeypatch):
             with pytest.raises(BrokenPipeError) as raised:
                 act()
             assert report_end(raised.value, "icymoon", "stopped") == 1
-        assert sys.stderr.getvalue() == ""  # type: ignore[attr-defined]
+        assert sys.stderr.getvalue() == ""  # type: ignore[union-attr]
 
 
 def test_a_full_disk_is_told(monkeypatch, capsys):

@@ -6,9 +6,17 @@ const ranking = data.ranking;
 const PAGE = 25;
 const place = (id) => document.getElementById(id);
 
+// Control characters that a name may have are shown, as in \x1b: see support/printer.py.
+function show(text) {
+  return String(text).replace(/[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]/g, (found) => {
+    const digits = found.charCodeAt(0).toString(16);
+    return digits.length > 2 ? `\\u${digits.padStart(4, "0")}` : `\\x${digits.padStart(2, "0")}`;
+  });
+}
+
 function make(tag, text, parent) {
   const element = document.createElement(tag);
-  if (text !== undefined) element.textContent = text;
+  if (text !== undefined) element.textContent = show(text);
   if (parent) parent.append(element);
   return element;
 }
@@ -208,7 +216,7 @@ function picture(path, caption, parent) {
   const button = make("button", undefined, figure);
   button.className = "picture";
   const image = make("img", undefined, button);
-  image.alt = caption;
+  image.alt = show(caption);
   image.onerror = () => button.replaceWith(make("p", "not found: keep the folder “pairs” beside this file"));
   image.src = path;
 }
