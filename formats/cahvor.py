@@ -16,7 +16,11 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..file_shapes import PIXELS
+from ..files import shorten
 from ..physics.camera.lens_distortion import distort
+from ..support.foreign_bytes import ForeignBytes, RefusedError, read
+from .odl import Group, Value, parse_label
 
 _LETTERS = "CAHVORE"
 _NAMES = {"C": "CENTER", "A": "AXIS", "H": "HORIZONTAL", "V": "VERTICAL", "O": "OPTICAL", "R": "RADIAL",
@@ -216,6 +220,8 @@ def nearest_lens(model: Cahvor, most_px: float = FIT_LIMIT_PX) -> Lens:
     x, y = ((_grid(model.width_px, model.height_px) - principal) / focal).T
     seen = model.project(np.stack([x, y, np.ones_like(x)], axis=1) @ rotation + model.c)
     r2, one, none = x ** 2 + y ** 2, np.ones_like(x), np.zeros_like(x)
+    if not np.isfinite(seen).all():
+        raise IcyMoonError("The lens of the camera model sees no place at some of its pixels; check its file.")
     columns = [(x, y), (one, none), (none, one), (x * r2, y * r2), (x * r2 ** 2, y * r2 ** 2),
                (2 * x * y, r2 + 2 * y ** 2), (r2 + 2 * x ** 2, 2 * x * y), (x * r2 ** 3, y * r2 ** 3)]
     design = np.stack([np.concatenate(each) for each in columns], axis=1)
@@ -274,50 +280,133 @@ def _vectors(model: Cahvor) -> list[tuple[str, np.ndarray]]:
     return [(letter, vector) for letter, vector in found if vector is not None]
 
 
+#: Numbers of a model: longest text of one, and largest value, of a centre in metres of a map's grid.
+_LONGEST, _MOST = 60, 1e9
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+#: Bytes of a file in which the model is looked for: a label may be the head of an image file.
+_LABEL_BYTES = 2**20
+_FIX = "give a .cahvor file or a PDS3 label"
+#: Groups of a label that have the size of other images than its own.
+_NOT_THE_IMAGE = ("THUMBNAIL", "BROWSE", "REQUEST", "SUBFRAME")
+
+
 def read_model(path: Path) -> Cahvor:
     """A camera model from a ``.cahvor`` file, or from a PDS3 label with the group GEOMETRIC_CAMERA_MODEL.
 
-    Raises IcyMoonError if it is none, or incomplete.
+    The size is that of the label's object IMAGE, or of the only image that it has. Raises IcyMoonError if it is none,
+    or incomplete.
     """
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise IcyMoonError(f"{path} cannot be read ({error.strerror}); give a camera model.") from None
-    of_pds = "GEOMETRIC_CAMERA_MODEL" in text
-    vectors, linearity = _read_pds(text) if of_pds else _read_cahvor(text)
-    sizes = [re.search(rf"(?m)^\s*{key}\s*=\s*(\d+)", text) for key in ("LINE_SAMPLES", "LINES")] if of_pds else [
-        re.search(r"(?m)^\s*Dimensions\s*=\s*(\d+)", text), re.search(r"(?m)^\s*Dimensions\s*=\s*\d+\s+(\d+)", text)]
+    return read(path, _parse_model, "a camera model", _FIX)
+
+
+def _parse_model(foreign: ForeignBytes) -> Cahvor:
+    text = foreign.part(0, min(foreign.size, _LABEL_BYTES)).decode("utf-8", "replace")
+    vectors, linearity, size = _read_pds(text) if "GEOMETRIC_CAMERA_MODEL" in text else _read_cahvor(text)
     missing = [letter for letter in "CAHV" if letter not in vectors]
-    if missing or ("O" in vectors) != ("R" in vectors) or not all(sizes):
-        what = f"the vector {missing[0]}" if missing else "the size of the image" if not all(sizes) else "O or R"
-        raise IcyMoonError(f"{path} is no camera model that is read here: {what} is missing; give a .cahvor file or a "
-                           "PDS3 label.")
-    width, height = (int(found[1]) for found in sizes if found)
-    return Cahvor(vectors["C"], vectors["A"], vectors["H"], vectors["V"], width, height, vectors.get("O"),
-                  vectors.get("R"), vectors.get("E"), linearity)
+    if missing or ("O" in vectors) != ("R" in vectors) or ("E" in vectors and "O" not in vectors) or size is None:
+        what = f"the vector {missing[0]}" if missing else "the size of the image" if size is None else "O or R"
+        raise RefusedError(f"is no camera model that is read here: {what} is missing; {_FIX}.")
+    return Cahvor(vectors["C"], vectors["A"], vectors["H"], vectors["V"], *size, vectors.get("O"), vectors.get("R"),
+                  vectors.get("E"), linearity)
 
 
-_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+#: What a text states: the vectors, the linearity of CAHVORE, and the size of the image, if it does.
+_Stated = tuple[dict[str, np.ndarray], float, tuple[int, int] | None]
 
 
-def _read_cahvor(text: str) -> tuple[dict[str, np.ndarray], float]:
-    vectors = {found[1]: np.array([float(value) for value in found[2].split()]) for found in re.finditer(
-        rf"(?m)^\s*([CAHVORE])\s*=\s*({_NUMBER}\s+{_NUMBER}\s+{_NUMBER})\s*$", text)}
-    kind = re.search(rf"(?m)^\s*Model\s*=\s*CAHVORE(\d)?,?({_NUMBER})?", text)
-    linearity = 1.0 if kind is None else {"1": 1.0, "2": 0.0}.get(kind[1] or "", float(kind[2] or 1.0))
-    return vectors, linearity
+def _number(word: object, what: str) -> float:
+    if not isinstance(word, str) or len(word) > _LONGEST or not _NUMBER.fullmatch(word) or abs(float(word)) > _MOST:
+        raise ValueError(f"{what} is {shorten(str(word))!r}, not a number up to {_MOST:g}")
+    return float(word)
 
 
-def _read_pds(text: str) -> tuple[dict[str, np.ndarray], float]:
-    listed = re.search(r'MODEL_COMPONENT_ID\s*=\s*\(([^)]*)\)', text)
-    letters = re.findall(r"[A-Z]", listed[1]) if listed else []
+def _vector(words: Sequence[object], what: str) -> np.ndarray:
+    if len(words) != 3:
+        raise ValueError(f"{what} has {len(words)} numbers, not 3")
+    return np.array([_number(word, what) for word in words])
+
+
+def _size(words: Sequence[object], what: str) -> tuple[int, int]:
+    """Columns and rows."""
+    found = [word for word in words if isinstance(word, str) and word.isdecimal() and word.isascii()
+             and len(word) <= _LONGEST and PIXELS.fits(int(word))]
+    if len(found) != 2 or len(words) != 2:
+        raise ValueError(f"{what} is {shorten(' x '.join(map(str, words)))!r}, not {PIXELS.name} twice")
+    return int(found[0]), int(found[1])
+
+
+def _read_cahvor(text: str) -> _Stated:
+    stated: dict[str, tuple[int, list[str]]] = {}  # by key: the line, and the words after the first equals sign
+    key = ""
+    for number, line in enumerate(text.splitlines(), 1):
+        content = line.partition("#")[0]
+        head, equals, rest = content.partition("=")
+        if equals:
+            key = head.strip()
+            if key in stated and key in (*_LETTERS, "Dimensions", "Model"):
+                raise ValueError(f"line {number} states {key} again")
+            stated[key] = number, rest.split()
+        elif key in (*_LETTERS, "Dimensions"):  # it goes on
+            stated[key][1].extend(content.split())
+    vectors = {letter: _vector(stated[letter][1], f"line {stated[letter][0]}: {letter}")
+               for letter in _LETTERS if letter in stated}
+    size = None
+    if "Dimensions" in stated:
+        number, words = stated["Dimensions"]
+        size = _size(words[:2], f"line {number}: Dimensions")
+    return vectors, _read_linearity(" ".join(stated["Model"][1])) if "Model" in stated else 1.0, size
+
+
+def _read_linearity(model: str) -> float:
+    """Of a model such as ``CAHVORE3,0.4 = general``: type 1 is perspective, 2 fisheye, 3 has its number."""
+    kind, _, parameter = model.partition("=")[0].strip().partition(",")
+    if not kind.startswith("CAHVORE"):
+        return 1.0
+    of_type = {"1": 1.0, "2": 0.0}.get(kind.removeprefix("CAHVORE").strip())
+    if of_type is not None:
+        return of_type
+    found = _NUMBER.match(parameter.strip()[:_LONGEST])
+    return _number(found[0], "the linearity") if found else 1.0
+
+
+def _read_pds(text: str) -> _Stated:
+    groups = parse_label(text).all_groups()
+    models = [group for group in groups if "MODEL_COMPONENT_ID" in group.values]
+    if not models:
+        return {}, 1.0, _image_size(groups)
+    model = next((group for group in models if group.name.startswith("GEOMETRIC_CAMERA_MODEL")), models[0])
+    letters = _items(model, "MODEL_COMPONENT_ID")
     vectors: dict[str, np.ndarray] = {}
     linearity = 1.0
     for k, letter in enumerate(letters, 1):
-        found = re.search(rf"MODEL_COMPONENT_{k}\s*=\s*\(?([^)\r\nA-Z]*)", text)
-        numbers = [float(value) for value in re.findall(_NUMBER, found[1])] if found else []
-        if letter == "P" and numbers:
-            linearity = numbers[0]
-        elif letter in _LETTERS and len(numbers) == 3:
-            vectors[letter] = np.array(numbers)
-    return vectors, linearity
+        key = f"MODEL_COMPONENT_{k}"
+        if key not in model.values or letter in vectors:
+            continue
+        if letter == "P":
+            linearity = _number(_items(model, key)[0], key) if _items(model, key) else 1.0
+        elif isinstance(letter, str) and letter in [*_LETTERS]:
+            vectors[letter] = _vector(_items(model, key), key)
+    return vectors, linearity, _image_size(groups)
+
+
+def _items(group: Group, key: str) -> list[Value]:
+    """The values of a keyword, a single one as a sequence of one."""
+    if key in group.unclear:
+        raise ValueError(f"{key} is stated twice with different values")
+    value = group.values[key]
+    return value if isinstance(value, list) else [value]
+
+
+def _image_size(groups: Sequence[Group]) -> tuple[int, int] | None:
+    """Columns and rows of the label's image: those of IMAGE, or else the only ones that there are."""
+    keys = ("LINE_SAMPLES", "LINES")
+    sized = [group for group in groups if all(key in group.values for key in keys)]
+    images = [group for group in sized if group.name == "IMAGE"] or [
+        group for group in sized if not any(word in group.name for word in _NOT_THE_IMAGE)]
+    found = list(dict.fromkeys(_size([item for key in keys for item in _items(group, key)],
+                                     f"LINE_SAMPLES x LINES of {shorten(group.name) or 'the label'}")
+                               for group in images))
+    if len(found) > 1:
+        raise ValueError(f"it has images of {len(found)} sizes, {found[0]} and {found[1]}, and it is not clear which "
+                         "is its own")
+    return found[0] if found else None
