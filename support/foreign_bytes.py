@@ -20,8 +20,9 @@ import tomllib
 import xml.etree.ElementTree as ElementTree
 import zipfile
 import zlib
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
+from itertools import chain
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
@@ -37,6 +38,8 @@ MOST_BYTES, MOST_MEMORY = 2**30, 2**28
 MOST_TEXT, LONGEST_LINE = 2**26, 2**16
 #: Each byte of a file may be read so many times; formats whose tables lead to their data need two.
 _MOST_READINGS = 4
+#: Bytes that are split into lines at a time, at least.
+_LEAST_PART = 2**16
 #: Members of an archive, bytes of an array's header.
 _MOST_MEMBERS, _MOST_HEADER = 1000, 10_000
 _TEXT_MARKS = {codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32", codecs.BOM_UTF8: "utf-8-sig",
@@ -172,6 +175,16 @@ class ForeignBytes:
         """The content as text, see ``decode_text``."""
         return decode_text(self.content())
 
+    def lines(self, start: int = 0, longest: int = LONGEST_LINE) -> Iterator[tuple[int, bytes]]:
+        """The lines from byte ``start`` on, see the function ``lines``, without having all in memory.
+
+        How they end is told from the first ones.
+        """
+        step = max(longest, _LEAST_PART)
+        first = self.part(start, min(step, self.size - start))
+        rest = (self.part(at, min(step, self.size - at)) for at in range(start + len(first), self.size, step))
+        return _split(chain([first], rest), b"\r" if b"\n" not in first else b"\n", longest)
+
 
 def read(path: Path, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: str, most: int = MOST_BYTES,
          memory: int = MOST_MEMORY) -> Parsed:
@@ -261,16 +274,24 @@ def lines(data: bytes, longest: int = LONGEST_LINE) -> Iterator[tuple[int, bytes
     Raises ValueError for a line of more than ``longest`` bytes.
     """
     end = b"\r" if b"\n" not in data else b"\n"
-    at, number = 0, 0
-    while at < len(data):
-        number += 1
-        found = data.find(end, at, at + longest + 1)
-        stop = found if found >= 0 else len(data)
-        if stop - at > longest:
-            raise ValueError(f"line {number} has more than {longest} bytes")
-        line = data[at:stop]
-        yield number, line.removesuffix(b"\r")
-        at = stop + 1
+    step = max(longest, _LEAST_PART)
+    return _split((data[at:at + step] for at in range(0, len(data), step)), end, longest)
+
+
+def _split(parts: Iterable[bytes], end: bytes, longest: int) -> Iterator[tuple[int, bytes]]:
+    """The lines of a text that comes in parts, each but the last of ``longest`` bytes or more."""
+    number, rest = 0, b""
+    for part in parts:
+        *whole, rest = (rest + part).split(end)
+        for line in whole:
+            number += 1
+            if len(line) > longest:
+                raise ValueError(f"line {number} has more than {longest} bytes")
+            yield number, line.removesuffix(b"\r")
+        if len(rest) > longest:
+            raise ValueError(f"line {number + 1} has more than {longest} bytes")
+    if rest:
+        yield number + 1, rest.removesuffix(b"\r")
 
 
 def parse_json(text: str | bytes) -> Any:

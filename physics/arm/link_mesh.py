@@ -5,18 +5,20 @@ The file comes from a stranger: sizes are bounded, indices are checked, and noth
 
 from __future__ import annotations
 
-import re
+from array import array
 from pathlib import Path
 
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import shorten
+from ...formats import obj
+from ...support.foreign_bytes import ForeignBytes, RefusedError, read
 
 #: Largest file in bytes, and most triangles of one file.
 MOST_BYTES, MOST_TRIANGLES = 200_000_000, 1_000_000
 _STL = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-_VERTEX = re.compile(rb"^\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)", re.MULTILINE)
+#: Bytes before the triangles of a binary STL: 80 of a text, then their number.
+_STL_TEXT, _STL_HEADER = 80, 84
 
 
 def read_link_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -24,79 +26,56 @@ def read_link_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
     Raises IcyMoonError if the file is missing, of another format, too large, empty or broken.
     """
-    try:
-        size = path.stat().st_size if path.is_file() else -1
-    except OSError:
-        size = -1
-    if size < 0:
-        raise IcyMoonError(f"{path}: the mesh is missing; put it there or change the URDF.")
-    if size > MOST_BYTES:
-        raise IcyMoonError(f"{path}: has {size / 1e6:.0f} MB, more than {MOST_BYTES / 1e6:.0f} for a link's mesh; "
-                           "make it coarser.")
-    reader = {".stl": _read_stl, ".obj": _read_obj}.get(path.suffix.lower())
-    if reader is None:
+    parse = {".stl": _parse_stl, ".obj": _parse_obj}.get(path.suffix.lower())
+    if parse is None:
         raise IcyMoonError(f"{path}: meshes of a URDF are read from STL and OBJ; convert this one.")
-    try:
-        vertices, triangles = reader(path.read_bytes())
-    except (OSError, ValueError, IndexError, OverflowError) as error:
-        raise IcyMoonError(f"{path}: is no {path.suffix[1:].upper()} mesh ({error}); export it again.") from None
+    return read(path, lambda foreign: _checked(*parse(foreign)), f"an {path.suffix[1:].upper()} mesh",
+                "export it again, or change the URDF", most=MOST_BYTES)
+
+
+def _checked(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if not len(triangles):
-        raise IcyMoonError(f"{path}: has no triangle; export it again.")
-    if len(triangles) > MOST_TRIANGLES:
-        raise IcyMoonError(f"{path}: has {len(triangles)} triangles, more than {MOST_TRIANGLES} for a link; make it "
-                           "coarser.")
+        raise RefusedError("has no triangle; export it again.")
     if not np.isfinite(vertices).all() or np.abs(vertices).max() > 1e9:
-        raise IcyMoonError(f"{path}: has vertices that are no place; export it again.")
+        raise RefusedError("has vertices that are no place; export it again.")
     return vertices, triangles
 
 
-def _read_stl(data: bytes) -> tuple[np.ndarray, np.ndarray]:
-    count = int.from_bytes(data[80:84], "little") if len(data) >= 84 else -1
+def _parse_obj(foreign: ForeignBytes) -> tuple[np.ndarray, np.ndarray]:
+    return obj.parse_triangles(foreign, MOST_TRIANGLES)
+
+
+def _check_count(triangles: int) -> None:
+    if triangles > MOST_TRIANGLES:
+        raise RefusedError(f"has more than {MOST_TRIANGLES} triangles; make it coarser.")
+
+
+def _parse_stl(foreign: ForeignBytes) -> tuple[np.ndarray, np.ndarray]:
+    head = foreign.part(0, min(foreign.size, _STL_HEADER))
+    count = int.from_bytes(head[_STL_TEXT:], "little") if len(head) == _STL_HEADER else -1
     # A binary file may begin with "solid" too; only its size tells.
-    if len(data) == 84 + _STL.itemsize * count:
-        corners = np.frombuffer(data, _STL, count, 84)["corners"].reshape(-1, 3).astype(np.float64)
+    if foreign.size == _STL_HEADER + _STL.itemsize * count:
+        _check_count(count)
+        table = foreign.cursor(_STL_HEADER).numbers(_STL, count, "triangles")
+        corners = table["corners"].reshape(-1, 3).astype(np.float64)
     else:
-        if not data.lstrip()[:5].lower() == b"solid":
-            raise ValueError("it is cut off")
-        corners = np.array([[float(value) for value in match] for match in _VERTEX.findall(data)]).reshape(-1, 3)
-        if len(corners) % 3:
-            raise ValueError("it is cut off")
+        corners = _read_stl_text(foreign)
     return corners, np.arange(len(corners)).reshape(-1, 3)
 
 
-def _read_obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
-    vertices: list[list[float]] = []
-    triangles: list[tuple[int, int, int]] = []
-    farthest, at = 0, 0  # the highest number of a vertex that a face has, and the line of that face
-    for number, line in enumerate(data.decode("utf-8", "replace").splitlines(), 1):
-        words = line.split()
-        if words[:1] == ["v"]:
-            vertices.append(_numbers(words[1:4], number))
-        elif words[:1] == ["f"]:
-            face = [_index(word, len(vertices), number) for word in words[1:]]
-            if (highest := max(face, default=-1) + 1) > farthest:
-                farthest, at = highest, number
-            triangles += [(face[0], face[k], face[k + 1]) for k in range(1, len(face) - 1)]
-    if farthest > len(vertices):  # only now: a face may come before its vertices
-        raise ValueError(f"the face of line {at} has vertex {farthest}, but there are {len(vertices)}")
-    return np.array(vertices, np.float64).reshape(-1, 3), np.array(triangles, np.int64).reshape(-1, 3)
-
-
-def _numbers(words: list[str], number: int) -> list[float]:
-    try:
-        x, y, z = map(float, words)
-    except ValueError:
-        raise ValueError(f"the vertex of line {number} is not three numbers") from None
-    return [x, y, z]
-
-
-def _index(word: str, count: int, number: int) -> int:
-    """The index of a corner such as 7/1/2 of a face, after ``count`` vertices: from 1, or back from -1, the last."""
-    try:
-        index = int(word.split("/")[0])
-    except ValueError:
-        raise ValueError(f"the face of line {number} has {shorten(word)!r}, not the number of a vertex") from None
-    if index == 0 or index < -count:
-        raise ValueError(f"the face of line {number} has vertex {shorten(str(index))}; they count from 1, or back "
-                         "from -1")
-    return index - 1 if index > 0 else count + index
+def _read_stl_text(foreign: ForeignBytes) -> np.ndarray:
+    """Corners (3 n, 3) of triangles."""
+    numbers, begun = array("d"), False
+    for number, line in foreign.lines():
+        words = line.split(None, 4)
+        if not words:
+            continue
+        if not begun and not words[0].lower().startswith(b"solid"):
+            break
+        begun = True
+        if words[0] == b"vertex":
+            numbers.extend(obj.parse_vertex(words, number))
+            _check_count(len(numbers) // 9)
+    if not begun or len(numbers) % 9:
+        raise ValueError("it is cut off")
+    return np.array(numbers).reshape(-1, 3)

@@ -125,9 +125,10 @@ def _build(path: Path, state: tuple[int, int], _files: tuple[tuple[Path, int, in
     follows = [(None, 1.0, 0.0), *((each.name if each.name in free else None, 1.0, 0.0) if each.mimic is None
                                    else each.mimic for each in urdf.joints)]
     solids: dict[str, Solid] = {}
+    meshes: Meshes = {}
     left = MOST_TRIANGLES
     for link in order:
-        if (solid := _solid(path, link, urdf.links[link], left)) is not None:
+        if (solid := _solid(path, link, urdf.links[link], left, meshes)) is not None:
             solids[names[link]] = solid
             left -= len(solid.triangles)
     return OwnArm(joints, np.array([free.index(name) if name else -1 for name, _, _ in follows]),
@@ -147,14 +148,18 @@ def _link_names(urdf: Urdf) -> dict[str, str]:
     return found
 
 
-def _solid(path: Path, link: str, shapes: tuple[Shape, ...], most: int) -> Solid | None:
+#: Vertices and triangles of mesh files: a robot may name one of them many times.
+Meshes = dict[Path, tuple[np.ndarray, np.ndarray]]
+
+
+def _solid(path: Path, link: str, shapes: tuple[Shape, ...], most: int, meshes: Meshes) -> Solid | None:
     """What is seen of a link, of not more triangles than ``most``."""
     if not shapes:
         return None
     made: list[Solid] = []
     for shape in shapes:
-        made.append(_of_shape(shape))
-        most -= len(made[-1].triangles)
+        made.append(_of_shape(shape, meshes))
+        most -= max(len(made[-1].triangles), len(made[-1].vertices) // 3)  # vertices without triangles take room too
         if most < 0:  # before the next one: a file may name one mesh many times
             raise IcyMoonError(f"{path}: its shapes have more than {MOST_TRIANGLES} triangles; make them coarser or "
                                "fewer.")
@@ -165,9 +170,11 @@ def _solid(path: Path, link: str, shapes: tuple[Shape, ...], most: int) -> Solid
     return whole
 
 
-def _of_shape(shape: Shape) -> Solid:
+def _of_shape(shape: Shape, meshes: Meshes) -> Solid:
     if shape.file is not None:
-        vertices, triangles = read_link_mesh(shape.file)
+        if shape.file not in meshes:
+            meshes[shape.file] = read_link_mesh(shape.file)
+        vertices, triangles = meshes[shape.file]
         if np.prod(shape.size) < 0:  # a mirrored mesh is inside out
             triangles = triangles[:, ::-1]
         made = Solid(vertices * shape.size, triangles, (_METAL,) * len(triangles), np.zeros(len(triangles), bool))

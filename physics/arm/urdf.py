@@ -17,13 +17,16 @@ from urllib.parse import unquote
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import read_text, shorten
+from ...files import shorten
+from ...support.foreign_bytes import ForeignBytes, parse_xml, read
 
 #: Largest file in bytes, and most links, of which each gets a label of its own.
 MOST_BYTES, MOST_LINKS = 4_000_000, 50
 FIXED, TURNS, SLIDES = ("fixed",), ("revolute", "continuous"), ("prismatic",)
 #: Largest coordinate in metres of an origin, a limit or a size.
 _MOST_M = 1e3
+#: Most characters of a path that file systems take.
+_LONGEST_PATH = 4095
 #: Part of the namespace of macros that are not expanded yet.
 _XACRO = "/wiki/xacro}"
 
@@ -86,7 +89,7 @@ class _Reader:
         raise IcyMoonError(f"{self.path}: {what}; {fix}.")
 
     def read(self) -> Urdf:
-        robot = self._parse()
+        robot = read(self.path, self._parse, "a URDF file", "check lander.file", most=MOST_BYTES)
         links = self._by_name(robot, "link")
         if not links:
             self.fail("has no link", "give a URDF file, expanded from xacro")
@@ -97,22 +100,8 @@ class _Reader:
         self._check_mimics(joints)
         return Urdf(root, {name: self._shapes(name, item) for name, item in links.items()}, tuple(joints))
 
-    def _parse(self) -> ElementTree.Element:
-        try:
-            if self.path.stat().st_size > MOST_BYTES:
-                self.fail(f"is larger than {MOST_BYTES // 1_000_000} MB", "give a URDF file")
-            text = read_text(self.path)
-        except OSError as error:
-            self.fail(f"cannot be read ({error.strerror})", "check lander.file")
-        except ValueError as error:
-            self.fail(f"is no text ({error})", "give a URDF file")
-        # Entities are defined in a document type only; without one nothing grows and no other file is read.
-        if "<!DOCTYPE" in text.upper() or "<!ENTITY" in text.upper():
-            self.fail("has a document type, whose entities may grow without end", "remove it")
-        try:
-            robot = ElementTree.fromstring(text.encode())
-        except (ElementTree.ParseError, ValueError, RecursionError) as error:
-            self.fail(f"is no XML ({error})", "give a URDF file")
+    def _parse(self, foreign: ForeignBytes) -> ElementTree.Element:
+        robot = parse_xml(foreign.text())
         if any(_XACRO in item.tag for item in robot.iter()):
             self.fail("has macros of xacro", "expand it first: xacro FILE > arm.urdf")
         if robot.tag != "robot":
@@ -257,6 +246,8 @@ class _Reader:
         folder = self.path.resolve().parent
         inside = next((each for each in (folder, folder.parent) if (each / "package.xml").is_file()), folder)
         text = unquote(name)
+        if len(text) > _LONGEST_PATH:
+            self.fail(f"the mesh of {where} is {shorten(text)!r}, longer than a path can be")
         if "://" in text and not text.startswith(("package://", "file://")):
             self.fail(f"the mesh of {where} is {shorten(text)!r}, which is no file of the folder", "copy it there")
         if text.startswith("package://"):

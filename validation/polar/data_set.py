@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...formats.obj import parse_triangles
+from ...support.foreign_bytes import read
 
 WIDTH_PX, HEIGHT_PX = 1936, 1216
 EYES = ("L", "R")
@@ -35,6 +37,8 @@ _LEAST_M, _MOST_M = 0.01, 2.0
 _LEAST_ROCKS = 8
 #: How far a corner that was drawn by hand may be outside its image, as a share of it.
 _OUTSIDE = 0.05
+#: Largest text of polygons in bytes; most triangles of a rock.
+_MOST_LABEL, _MOST_TRIANGLES = 10_000_000, 2_000_000
 _LABEL = re.compile(r"(\d+)_([A-Z])_off_(\d+)_([LR])\.txt")
 _ROCK = re.compile(r"terrain(\d+)_rock(\d+)\.obj")
 
@@ -138,12 +142,13 @@ def _read_terrain(name: str, labels: list[tuple[Path, re.Match[str]]],
 
 
 def _read_polygons(path: Path) -> tuple[Polygon, ...]:
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except UnicodeDecodeError:
-        raise IcyMoonError(f"{path}: is no text; get the file again.") from None
+    return read(path, lambda foreign: _parse_polygons(path, foreign.text()), "a text of polygons", "get the file again",
+                most=_MOST_LABEL)
+
+
+def _parse_polygons(path: Path, content: str) -> tuple[Polygon, ...]:
     found = []
-    for line, text in enumerate(lines, 1):
+    for line, text in enumerate(content.splitlines(), 1):
         try:
             words = text.split()
             numbers = np.array(words[1:] if len(words) % 2 else words[2:], np.float64)
@@ -162,19 +167,9 @@ def _read_polygons(path: Path) -> tuple[Polygon, ...]:
 
 def read_rock(path: Path, number: int) -> Rock:
     """A rock from an OBJ file. Raises IcyMoonError if it is not one, or its size is not that of a rock in metres."""
-    vertices, faces = [], []
-    try:
-        for line in path.read_text(encoding="utf-8").splitlines():
-            if line.startswith("v "):
-                vertices.append([float(word) for word in line.split()[1:4]])
-            elif line.startswith("f "):
-                corners = [int(word.split("/")[0]) - 1 for word in line.split()[1:]]
-                faces += [[corners[0], corners[k], corners[k + 1]] for k in range(1, len(corners) - 1)]
-        rock = Rock(number, np.array(vertices, np.float64).reshape(-1, 3), np.array(faces, np.int64).reshape(-1, 3))
-        usable = len(faces) > 0 and rock.faces.min() >= 0 and rock.faces.max() < len(vertices)
-    except (ValueError, IndexError):
-        usable = False
-    if not usable or not np.isfinite(rock.vertices).all():
+    rock = Rock(number, *read(path, lambda foreign: parse_triangles(foreign, _MOST_TRIANGLES), "a mesh of triangles in OBJ",
+                              "get the file again"))
+    if not len(rock.faces) or not np.isfinite(rock.vertices).all():
         raise IcyMoonError(f"{path}: is no mesh of triangles in OBJ; get the file again.")
     size = float(np.ptp(rock.vertices, axis=0).max())
     if not _LEAST_M <= size <= _MOST_M:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import os
+from contextlib import suppress
 
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
+from icymoon.physics.arm import link_mesh
 from icymoon.physics.arm import own_arm as own_arms
 from icymoon.physics.arm.collisions import find_self_collisions, segment_distance
 from icymoon.physics.arm.kinematics import forward
@@ -147,7 +149,7 @@ def test_entities_that_grow_are_refused_before_they_do(tmp_path):
     with pytest.raises(IcyMoonError, match="document type"):
         read_urdf(write_robot(tmp_path, links=("base",), joints="<a>&l9;</a>", before=before))
     (tmp_path / "arm.urdf").write_text("<robot", encoding="utf-8")
-    with pytest.raises(IcyMoonError, match="is no XML"):
+    with pytest.raises(IcyMoonError, match="is not a URDF file that can be read"):
         read_urdf(tmp_path / "arm.urdf")
     (tmp_path / "arm.urdf").write_bytes(b"\xff\x00\x81")
     with pytest.raises(IcyMoonError, match="is no"):
@@ -180,7 +182,7 @@ def test_a_link_out_of_the_folder_is_not_followed(tmp_path):
 
 @pytest.mark.parametrize(("name", "content", "words"), [
     ("m.stl", b"solid\n", "has no triangle"), ("m.stl", b"\0" * 90, "cut off"), ("m.stl", b"", "cut off"),
-    ("m.stl", b"solid\nvertex 1 2 x\nvertex 0 0 0\nvertex 0 1 0\n", "is no STL mesh"),
+    ("m.stl", b"solid\nvertex 1 2 x\nvertex 0 0 0\nvertex 0 1 0\n", "the vertex of line 2 is not three numbers"),
     ("m.obj", b"v 0 0 0\nf 1 2 3\n", "the face of line 2 has vertex 3, but there are 1"),
     ("m.obj", b"v 0 0 0\nv 1 0 0\nf 0 1 2\nv 0 1 0\n", "the face of line 3 has vertex 0; they count from 1"),
     ("m.obj", b"v 0 0 0\nf -2 1 1\n", "vertex -2"), ("m.obj", b"v 0 0 0\nf 1 1 " + b"9" * 30, "but there are 1"),
@@ -256,7 +258,8 @@ def test_one_mesh_many_times_is_refused_before_all_are_made(tmp_path, monkeypatc
     write_stl(tmp_path / "m.stl")
     made = []
     monkeypatch.setattr(own_arms, "MOST_TRIANGLES", 100)
-    monkeypatch.setattr(own_arms, "read_link_mesh", lambda path: made.append(path) or read_link_mesh(path))
+    of_shape = own_arms._of_shape
+    monkeypatch.setattr(own_arms, "_of_shape", lambda shape, *rest: made.append(shape) or of_shape(shape, *rest))
     shapes = {"one": visual("m.stl") * 20, "two": visual("m.stl") * 9000}
     (reason,) = lander_reasons(described(write_robot(tmp_path, shapes=shapes)))
     assert "more than 100 triangles" in reason
@@ -275,3 +278,120 @@ def test_a_pipe_is_no_file_and_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "arm.urdf")
     (reason,) = lander_reasons(described(tmp_path / "arm.urdf"))
     assert "is no file" in reason
+
+
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+SQUARE = b"solid x\nouter loop\n" + b"".join(b"vertex %d %d 0\n" % each for each in ((0, 0), (1, 0), (0, 1)))
+
+
+@pytest.mark.parametrize(("name", "content"), [
+    ("m.stl", b"solid x\n" + b"\n" * 300_000 + b"endsolid"), ("m.stl", b"solid x" + b" " * 10**6),
+    ("m.stl", b" " * 10**6),
+    ("m.stl", b"solid x\n" + b"vertex\n" * 10**5), ("m.stl", b"solid\nvertex 1 2\n"),
+    ("m.stl", b"solid\n" + b"\r" * 10**6),
+    ("m.stl", SQUARE + b"vertex 1 1 1\n"), ("m.stl", SQUARE.replace(b"1 0 0", b"1 " + b"1" * 70_000 + b" 0")),
+    ("m.stl", SQUARE.replace(b"1 0 0", b"1 nan 0")), ("m.stl", SQUARE.replace(b"1 0 0", b"1 1e999 0")),
+    ("m.stl", SQUARE.replace(b"1 0 0", b"1 0x1 0")), ("m.stl", SQUARE.replace(b"1 0 0", b"1 0,5 0")),
+    ("m.stl", b"\0" * 80 + b"\xff" * 4 + bytes(50)), ("m.stl", bytes(84)),
+    ("m.stl", bytes(80) + b"\2\0\0\0" + bytes(50)),
+    ("m.stl", bytes(80) + b"\1\0\0\0" + b"\xff" * 50),
+    ("m.stl", SQUARE.replace(b"outer", b"\0\x1b[31m").replace(b"v", b"V")),
+    ("m.obj", (OBJ + "f " + "1 2 3 " * 300_000).encode()), ("m.obj", (OBJ + "f 1 2 4\n").encode()),
+    ("m.obj", (OBJ + "f 1 2 -4\n").encode()), ("m.obj", (OBJ + "f 1 2 3.5\n").encode()),
+    ("m.obj", (OBJ + "f 1 2\n").encode()),
+    ("m.obj", (OBJ + f"f 1 2 {'9' * 5000}\n").encode()), ("m.obj", (OBJ + f"f 1 2 {'9' * 19}\n").encode()),
+    ("m.obj", (OBJ + f"f 1 2 -{'9' * 19}\n").encode()), ("m.obj", (OBJ + f"v {'9' * 5000} 0 0\nf 1 2 3\n").encode()),
+    ("m.obj", (OBJ + "f 1 2 /3\n").encode()), ("m.obj", OBJ.replace("1 0 0", "0,5 1,25 0").encode() + b"f 1 2 3\n"),
+    ("m.obj", OBJ.replace("1 0 0", "zzz 0 0").encode()), ("m.obj", (OBJ * 1000).encode()), ("m.obj", b"\0" * 10**6),
+    ("m.obj", b"\n" * 10**6), ("m.obj", b"v " * 10**6), ("m.obj", b"f\n" * 10**5), ("m.obj", OBJ.encode("utf-16")),
+    ("m.obj", b"v 1\xa02 3 4\xff\n"), ("m.obj", b"")], ids=range(37))
+@pytest.mark.timeout(20)
+def test_a_hostile_mesh_is_a_sentence(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(IcyMoonError) as caught:
+        read_link_mesh(tmp_path / name)
+    assert str(caught.value).startswith(f"{tmp_path / name}: ")
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize(("name", "text"), [
+    ("m.obj", OBJ + "f 1 2 3 1 2 3 1\n" * 30), ("m.obj", OBJ * 200),
+    ("m.stl", SQUARE.decode() + "vertex 0 0 1\n" * 900)])
+def test_a_mesh_is_counted_while_it_is_read(tmp_path, monkeypatch, name, text):
+    monkeypatch.setattr(link_mesh, "MOST_TRIANGLES", 100)
+    (tmp_path / name).write_text(text + "what is no line of a mesh\n" + "f 1 x\nvertex 1\n", encoding="utf-8")
+    with pytest.raises(IcyMoonError, match=r"has more than (100 triangles|300 vertices)"):
+        read_link_mesh(tmp_path / name)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with a name are of Unix")
+@pytest.mark.parametrize("name", ["m.stl", "m.obj"])
+def test_a_mesh_that_is_no_file_is_not_waited_for(tmp_path, name):
+    (tmp_path / f"folder.{name[2:]}").mkdir()
+    os.mkfifo(tmp_path / name)
+    for path in (tmp_path / name, tmp_path / f"folder.{name[2:]}", tmp_path / f"absent.{name[2:]}"):
+        with pytest.raises(IcyMoonError, match="cannot be read"):
+            read_link_mesh(path)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("write", [write_stl, write_ascii_stl, write_obj])
+def test_a_damaged_mesh_is_a_mesh_or_a_sentence(tmp_path, write, seed):
+    path = write(tmp_path / f"m.{'obj' if write is write_obj else 'stl'}")
+    whole, random = path.read_bytes(), np.random.default_rng(seed)
+    for _ in range(60):
+        data = bytearray(whole)
+        for at in random.integers(0, len(data), 3):
+            data[at] = random.integers(0, 256)
+        path.write_bytes(data)
+        with suppress(IcyMoonError):
+            vertices, triangles = read_link_mesh(path)
+            assert np.isfinite(vertices).all()
+            assert triangles.min() >= 0
+            assert triangles.max() < len(vertices)
+
+
+ROBOT = '<robot name="a"><link name="b">{}</link></robot>'
+VISUAL = "<visual><geometry>{}</geometry></visual>"
+
+
+@pytest.mark.parametrize("text", [
+    "", "\0", "<robot>", "<robot/>", "<a/>", "<robot>" * 300_000, "<robot " + 'a="" ' * 10, '<robot a="1" a="2"/>',
+    "<!doctype robot><robot/>", "<?xml version='1.0' encoding='none'?><robot/>",
+    ROBOT.replace('"b"', '"\n"').format(""),
+    ROBOT.replace('"b"', '"&#27;[31m"').format(""), ROBOT.replace('"b"', f'"{"b" * 81}"').format(""),
+    ROBOT.format("<visual/>"), ROBOT.format(VISUAL.format("")), ROBOT.format(VISUAL.format("<torus/>")),
+    ROBOT.format(VISUAL.format('<box size="1 1"/>')), ROBOT.format(VISUAL.format('<box size="1 1 -1"/>')),
+    ROBOT.format(VISUAL.format('<box size="1 1 0"/>')), ROBOT.format(VISUAL.format('<sphere radius="nan"/>')),
+    ROBOT.format(VISUAL.format('<sphere radius="1e999"/>')), ROBOT.format(VISUAL.format("<sphere/>")),
+    ROBOT.format(VISUAL.format(f'<sphere radius="{"1" * 10**6}"/>')), ROBOT.format(VISUAL.format("<mesh/>")),
+    ROBOT.format(VISUAL.format('<mesh filename="%00"/>')), ROBOT.format(VISUAL.format('<mesh filename="."/>')),
+    ROBOT.format(VISUAL.format(f'<mesh filename="{"a/" * 10**5}m.stl"/>')), ROBOT.format(VISUAL.format(
+        '<mesh filename="m.stl" scale="0 1 1"/>')), ROBOT.format("<x>" * 10**5 + "</x>" * 10**5).replace("robot", "r"),
+    ROBOT.format('<visual><origin xyz="1,0 0 0"/><geometry><box size="1 1 1"/></geometry></visual>')], ids=range(30))
+@pytest.mark.timeout(20)
+def test_a_hostile_robot_is_a_sentence(tmp_path, text):
+    (tmp_path / "arm.urdf").write_text(text, encoding="utf-8")
+    with pytest.raises(IcyMoonError) as caught:
+        read_urdf(tmp_path / "arm.urdf")
+    assert str(caught.value).startswith(f"{tmp_path / 'arm.urdf'}")
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 600
+
+
+@pytest.mark.timeout(20)
+def test_a_mesh_that_is_named_many_times_is_read_once(tmp_path, monkeypatch):
+    (tmp_path / "m.obj").write_text(OBJ + "f 1 2 3\n" + "# nothing\n" * 10**5, encoding="utf-8")
+    read = []
+    monkeypatch.setattr(own_arms, "read_link_mesh", lambda path: read.append(path) or read_link_mesh(path))
+    own = own_arm(described(write_robot(tmp_path, "", ("base",), {"base": visual("m.obj") * 300})))
+    assert len(own.solids["base"].triangles) == 300
+    assert len(read) == 1
+
+
+def test_vertices_without_triangles_count(tmp_path, monkeypatch):
+    monkeypatch.setattr(own_arms, "MOST_TRIANGLES", 100)
+    (tmp_path / "m.obj").write_text(OBJ * 50 + "f 1 2 3\n", encoding="utf-8")
+    (reason,) = lander_reasons(described(write_robot(tmp_path, shapes={"one": visual("m.obj") * 3})))
+    assert "more than 100 triangles" in reason

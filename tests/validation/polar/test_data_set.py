@@ -51,8 +51,8 @@ def _write(folder, name, text):
     (lambda folder: _write(folder, "labels/07_A_off_30_L.txt", "2 968 608 970 610 960 600"),
      "corner at 970, which is no share .* 1936 columns and 1216 rows"),
     (lambda folder: (folder / "labels" / "07_A_off_30_L.txt").write_bytes(b"\xff\xd8\xff"), "is no text"),
-    (lambda folder: _write(folder, "rocks/terrain07_rock3.obj", "v 1 2 3\nf 1 2 3"), "no mesh of triangles"),
-    (lambda folder: _write(folder, "rocks/terrain07_rock3.obj", "v 1 2 x"), "no mesh of triangles")])
+    (lambda folder: _write(folder, "rocks/terrain07_rock3.obj", "v 1 2 3\nf 1 2 3"), "face of line 2 has vertex 3"),
+    (lambda folder: _write(folder, "rocks/terrain07_rock3.obj", "v 1 2 x"), "vertex of line 1 is not")])
 def test_what_is_wrong_with_a_folder_is_one_sentence(tmp_path, damage, word):
     write_polar_folder(tmp_path)
     damage(tmp_path)

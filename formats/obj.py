@@ -1,0 +1,89 @@
+"""Wavefront OBJ: the vertices and triangles of a small file, and whether a large one is what it should be.
+
+Format: the appendix "Object Files (.obj)" of Wavefront's Advanced Visualizer. Nothing that a file names is opened.
+"""
+
+from __future__ import annotations
+
+from array import array
+
+import numpy as np
+
+from ..files import shorten
+from ..support.foreign_bytes import ForeignBytes, RefusedError
+
+#: Bytes that a face may have.
+_OF_A_FACE = b"0123456789/- \t"
+
+
+def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (n, 3), as they stand in the file, and triangles (m, 3); a face of more corners becomes a fan.
+
+    Raises ValueError, with the line, for what is no mesh, RefusedError for more than ``most`` triangles, or three times
+    as many vertices, as soon as they are there.
+    """
+    numbers, corners = array("d"), array("q")
+    most_vertices = 3 * most
+    farthest, at = 0, 0  # the highest number of a vertex that a face has, and the line of that face
+    for number, line in foreign.lines():
+        words = line.split()
+        if not words:
+            continue
+        if words[0] == b"v":
+            numbers.extend(parse_vertex(words, number))
+            if len(numbers) > 3 * most_vertices:
+                raise RefusedError(f"has more than {most_vertices} vertices; make it coarser.")
+        elif words[0] == b"f":
+            count = len(numbers) // 3
+            face = [_index(word, count, number) for word in words[1:]]
+            if (highest := max(face, default=-1) + 1) > farthest:
+                farthest, at = highest, number
+            if highest > most_vertices:
+                break  # no vertex can have this number
+            for k in range(1, len(face) - 1):
+                corners.extend((face[0], face[k], face[k + 1]))
+            if len(corners) > 3 * most:
+                raise RefusedError(f"has more than {most} triangles; make it coarser.")
+    vertices = np.frombuffer(numbers, np.float64).reshape(-1, 3) if numbers else np.empty((0, 3))
+    if farthest > len(vertices):  # only now: a face may come before its vertices
+        raise ValueError(f"the face of line {at} has vertex {shorten(str(farthest))}, but there are {len(vertices)}")
+    return vertices, np.frombuffer(corners, np.int64).reshape(-1, 3) if corners else np.empty((0, 3), np.int64)
+
+
+def parse_vertex(words: list[bytes], number: int) -> tuple[float, float, float]:
+    """The coordinates of a statement ``v x y z`` in line ``number``. Raises ValueError if they are no numbers."""
+    try:
+        x, y, z = map(float, words[1:4])
+    except ValueError:
+        raise ValueError(f"the vertex of line {number} is not three numbers: {_quote(words[1:4])}") from None
+    return x, y, z
+
+
+def check_statements(foreign: ForeignBytes) -> None:
+    """Compare a file of any size with what Blender's importer takes: it makes zeros of coordinates that are no numbers
+    and leaves out faces.
+
+    Raises ValueError, with the line, for what is no mesh.
+    """
+    for number, line in foreign.lines():
+        start = line[:2]
+        if start == b"v " or start == b"v\t":
+            parse_vertex(line.split(None, 4), number)
+        elif (start == b"f " or start == b"f\t") and line.translate(None, _OF_A_FACE) not in (b"f", b"f\\"):
+            raise ValueError(f"the face of line {number} is not of numbers of vertices: {_quote(line.split()[1:])}")
+
+
+def _index(word: bytes, count: int, number: int) -> int:
+    """The index of a corner such as 7/1/2 of a face, after ``count`` vertices: from 1, or back from -1, the last."""
+    try:
+        index = int(word.partition(b"/")[0])
+    except ValueError:
+        raise ValueError(f"the face of line {number} has {_quote([word])}, not the number of a vertex") from None
+    if index == 0 or index < -count:
+        raise ValueError(f"the face of line {number} has vertex {shorten(str(index))}; they count from 1, or back "
+                         "from -1")
+    return index - 1 if index > 0 else count + index
+
+
+def _quote(words: list[bytes]) -> str:
+    return repr(shorten(b" ".join(words)[:200].decode("utf-8", "replace")))
