@@ -16,7 +16,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import bpy
@@ -24,7 +23,6 @@ import numpy as np
 
 from .. import compat
 from ..errors import IcyMoonError
-from ..files import sha256
 from ..labels import BAKED_ATTRIBUTES, NOT_BAKED
 from ..nodes.datablocks.fingerprint import added_objects
 from ..nodes.rig import turn_about_eye
@@ -39,10 +37,9 @@ from ..physics.scene_requirements import why_not_baked
 from ..settings import changes
 from ..typed_settings import Settings
 from . import baked_rocks, cycles_settings
-from .pairs import baked_file
 from .pairs.baked_file import BakedLight
 from .plans.planned_pair import PlannedPair
-from .workers.claims import Claims
+from .workers.shared_light import KeptLight, SharedLight
 
 #: Raise this number when the same settings are baked in another way.
 _SCHEME = 4
@@ -56,7 +53,6 @@ _EYE_M = 1.5
 _MARGIN = 1.1
 #: Samples of the direct light, of which only the mean over the ground is needed.
 _DIRECT = 2
-_WAIT_S = 0.5
 #: Samples that show whether a texel is within a rock, and most samples of each of the three texels of a rock's point.
 _OPEN, _MOST_OF_ROCKS = 8, 16
 _NO_ROCKS = np.zeros((0, TERMS, 3), np.float32)
@@ -65,34 +61,23 @@ _OTHERS: dict[str, tuple[int, ...]] = {"Sun": (), "Planet": (1,)}
 
 
 @dataclass(frozen=True)
-class KeptLight:
-    """Baked light and the file of the data set that it is kept in."""
-
-    light: BakedLight
-    file: str
-    sha256: str
-
-    def to_json(self, share: float) -> dict[str, Any]:
-        """What ``pair.json`` states of it, with its share of the light in the images."""
-        return {"file": self.file, "sha256": self.sha256, "samples": self.light.samples, "share": round(share, 5),
-                "noise_of_baked": round(self.light.noise, 5), "noise": round(self.light.noise * share, 5),
-                "cpu_seconds_of_bake": round(self.light.cpu_seconds, 3)}
-
-
-@dataclass(frozen=True)
 class Indirect:
     """How the indirect light of a pair is made: baked ``lights`` by light group, or traced if there are none, and why
-    if the settings ask for baked light. ``spent_s`` are processor seconds that it took just now."""
+    if the settings ask for baked light. ``tried`` is the baked light that was found unfit for an image that is traced.
+    ``spent_s`` are processor seconds that it took just now."""
 
     lights: Mapping[str, KeptLight] = field(default_factory=dict)
     why_traced: str = ""
+    tried: Mapping[str, KeptLight] = field(default_factory=dict)
     spent_s: float = 0.0
 
     def to_json(self, shares: Mapping[str, Mapping[str, float]]) -> dict[str, Any] | None:
         """What ``pair.json`` states, with the shares of baked light in the images by eye and light group; None if
         nothing was asked."""
         if not self.lights:
-            return {"method": "TRACED", "why": self.why_traced} if self.why_traced else None
+            tried = {group: {"file": kept.file, "sha256": kept.sha256} for group, kept in self.tried.items()}
+            stated = {"method": "TRACED", "why": self.why_traced, **({"tried": tried} if tried else {})}
+            return stated if self.why_traced else None
         share = {group: sum(of[group] for of in shares.values()) / max(len(shares), 1) for group in self.lights}
         noise = math.hypot(*(share[group] * kept.light.noise for group, kept in self.lights.items()))
         return {"method": "BAKED", "share": round(sum(share.values()), 5), "noise": round(noise, 5),
@@ -116,8 +101,8 @@ class Indirect:
                 "quality.bake_samples")
 
 
-def provide(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: Path, claims: Claims) -> Indirect:
-    """Put the baked light of a planned pair on the built ground, from the data set's file if it is there.
+def provide(built: Built, scene: bpy.types.Scene, planned: PlannedPair, shared: SharedLight) -> Indirect:
+    """Put the baked light of a planned pair on the built ground, from the data set if it has it.
 
     One process bakes it while others wait. Raises IcyMoonError if it cannot be baked or written.
     """
@@ -126,7 +111,8 @@ def provide(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset:
         return Indirect()
     if why := why_not_baked(settings) or _why_unsuitable(built):
         return Indirect(why_traced=why)
-    lights, spent, mesh = {}, 0.0, built.terrain.data
+    lights: dict[str, KeptLight] = {}
+    spent, mesh = 0.0, built.terrain.data
     shining = _lights(built)
     seen = find_seen(built, planned) if settings.quality.bake_area == "VIEW" else None
     unlit = np.zeros(len(mesh.vertices), bool) if seen is None else ~_vertices_of(mesh, seen)
@@ -135,11 +121,11 @@ def provide(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset:
         if built.rocks is not None:
             baked_rocks.show(built.rocks, group, np.zeros((len(built.rocks.data.vertices), TERMS, 3), np.float32))
     for group, dark in shining.items():
-        path, found, seconds = _find_or_bake(built, scene, settings, dataset, claims, group, dark, seen)
+        lights[group], seconds = _find_or_bake(built, scene, settings, shared, group, dark, seen)
+        found = lights[group].light
         _show(mesh, group, np.where(unlit[:, None], np.float32(NOT_BAKED), found.values))
         if built.rocks is not None:
             baked_rocks.show(built.rocks, group, found.rocks)
-        lights[group] = KeptLight(found, path.relative_to(dataset).as_posix(), sha256(path))
         spent += seconds
     return Indirect(lights, spent_s=spent)
 
@@ -153,26 +139,13 @@ def _lights(built: Built) -> dict[str, list[bpy.types.Object]]:
     return {**by_day, "Planet": [built.sun]}
 
 
-def _find_or_bake(built: Built, scene: bpy.types.Scene, settings: Settings, dataset: Path, claims: Claims, group: str,
-                  dark: list[bpy.types.Object], seen: np.ndarray | None) -> tuple[Path, BakedLight, float]:
-    """The file of a light group's baked light, what it contains, and processor seconds that it took just now."""
+def _find_or_bake(built: Built, scene: bpy.types.Scene, settings: Settings, shared: SharedLight, group: str,
+                  dark: list[bpy.types.Object], seen: np.ndarray | None) -> tuple[KeptLight, float]:
+    """A light group's baked light, and processor seconds that it took just now."""
     rocks = built.rocks
-    sizes = len(built.terrain.data.vertices), len(rocks.data.vertices) if rocks is not None else 0
-    key = key_of(built, settings, group, seen)
-    path = baked_file.path_of(dataset, key)
-    found, spent = baked_file.read(path, key, *sizes), 0.0
-    while found is None:
-        with claims.hold(key) as mine:
-            # It may have been written meanwhile.
-            found = baked_file.read(path, key, *sizes)
-            if mine and found is None:
-                found = bake(built.terrain, scene, settings, group, dark, rocks, seen)
-                spent = found.cpu_seconds
-                baked_file.write(path, key, found)
-        if found is None:
-            claims.report_progress()
-            time.sleep(_WAIT_S)
-    return path, found, spent
+    return shared.get(key_of(built, settings, group, seen), len(built.terrain.data.vertices),
+                      len(rocks.data.vertices) if rocks is not None else 0,
+                      lambda: bake(built.terrain, scene, settings, group, dark, rocks, seen))
 
 
 def _why_unsuitable(built: Built) -> str:

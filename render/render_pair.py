@@ -41,11 +41,14 @@ from .ground_maps import make_heights, workspace_extent
 from .lander_record import lander_json
 from .object_labels import lend_labels
 from .pair_record import light_json, pair_json
+from .pairs.baked_file import LIGHT
+from .pairs.our_files import check_no_link
 from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE, WORKSPACE_FILE, StereoCamera
-from .pairs.publish import discard, publish
+from .pairs.publish import check_place, discard, publish
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
 from .render_camera import add_render_camera, set_up_camera, shift_frame
+from .workers.claims import CLAIMS_FOLDER
 
 #: Disk space for Blender's own files while a pair is rendered, as a multiple of the finished pair.
 _ROOM_WHILE_WRITING = 1.3
@@ -93,6 +96,7 @@ def _turn_head(built: Built, turn_deg: float) -> AbstractContextManager[None]:
 
 def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) -> None:
     """Raise IcyMoonError if the folder cannot be made or its disk has no room for what is left of the pairs."""
+    check_no_link(dataset / "pairs", dataset / CLAIMS_FOLDER, dataset / LIGHT)
     with explain_disk_errors("write to", dataset):
         dataset.mkdir(parents=True, exist_ok=True)
         probe = part_of(dataset / ".icymoon")
@@ -116,6 +120,7 @@ def render_pair(built: Built, scene: bpy.types.Scene, planned: PlannedPair, data
     ``again`` see ``publish``. Raises IcyMoonError when the render or the disk fails; nothing half-written stays.
     """
     folder = planned.folder(dataset)
+    check_place(folder)
     part = part_of(folder)
     spent = time.process_time()
     with explain_disk_errors("write", folder):
@@ -123,7 +128,7 @@ def render_pair(built: Built, scene: bpy.types.Scene, planned: PlannedPair, data
     try:
         found = _render_into(part, built, scene, planned, report, indirect)
         if why := indirect.why_unfit(found.get("indirect"), planned.settings.quality.bake_noise):
-            found = _render_into(part, built, scene, planned, report, Indirect(why_traced=why))
+            found = _render_into(part, built, scene, planned, report, Indirect(why_traced=why, tried=indirect.lights))
         found["seconds"]["build"] = round(seconds_build, 3)
         # Of all threads; "before" is what this process had spent: its start, the build, other pairs and their bakes.
         found["cpu_seconds"] = {"before": round(spent - indirect.spent_s, 3),

@@ -34,6 +34,7 @@ from .scene_source import FixedScene, ScenesFromSettings
 from .workers.claims import Claims
 from .workers.job import read_job
 from .workers.memory import describe_shortage
+from .workers.shared_light import SharedLight
 
 Send = Callable[..., None]
 
@@ -61,6 +62,7 @@ def render_from(source: FixedScene | ScenesFromSettings, pairs: list[PlannedPair
     """
     check_space(dataset, pairs, again)
     claims = Claims(dataset)
+    shared = SharedLight(dataset, claims)
     try:
         for k, planned in enumerate(pairs):
             with claims.hold(planned.id) as mine:
@@ -68,7 +70,7 @@ def render_from(source: FixedScene | ScenesFromSettings, pairs: list[PlannedPair
                     raise IcyMoonError(f"Pair {planned.id} is being rendered by another process; wait for it.")
                 try:
                     if mine:
-                        _render_one(source, planned, dataset, send, claims, again, k, len(pairs))
+                        _render_one(source, planned, dataset, send, shared, again, k, len(pairs))
                 except IcyMoonError as error:
                     if claims.is_lost(planned.id) and keep_going:
                         continue  # who has it now has also cleared away what was begun here
@@ -80,12 +82,12 @@ def render_from(source: FixedScene | ScenesFromSettings, pairs: list[PlannedPair
 
 
 def _render_one(source: FixedScene | ScenesFromSettings, planned: PlannedPair, dataset: Path, send: Send,
-                claims: Claims, again: bool, k: int, total: int) -> None:
+                shared: SharedLight, again: bool, k: int, total: int) -> None:
     label = f"Pair {k + 1} of {total}"
     folder = planned.folder(dataset)
 
     def report(fraction: float) -> None:
-        claims.report_progress()
+        shared.claims.report_progress()
         send("progress", fraction=(k + fraction) / total, message=label, pair=planned.id, of_pair=fraction)
 
     rendered = again or not is_complete(folder)
@@ -94,9 +96,10 @@ def _render_one(source: FixedScene | ScenesFromSettings, planned: PlannedPair, d
         report(0.0)
         check(planned.settings, f"Pair {planned.id}")  # an earlier version may have accepted more
         built, scene, seconds_build = source.prepare(planned)
-        indirect = baked_light.provide(built, scene, planned, dataset, claims)
-        render_pair(built, scene, planned, dataset, seconds_build, report, partial(claims.is_lost, planned.id), again,
-                    indirect)
+        indirect = baked_light.provide(built, scene, planned, shared)
+        render_pair(built, scene, planned, dataset, seconds_build, report,
+                    partial(shared.claims.is_lost, planned.id), again, indirect)
+        shared.note_pair(folder)
     send("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
          seconds=round(time.perf_counter() - start, 2))
 

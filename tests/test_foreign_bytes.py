@@ -346,7 +346,6 @@ ALLOWED: dict[str, str] = {
     "render/ground_maps.py": "read_bytes: ",
     "render/hidden_pixels.py": "read_bytes: ",
     "render/lander_record.py": "read_bytes: ",
-    "render/pairs/baked_file.py": "ZipFile, np.load: ",
     "render/pairs/scene_splits.py": "json.loads, open, tomllib.loads: ",
     "render/plans/plan_file.py": "tomllib.loads: ",
     "render/render_pair.py": "read_bytes: ",

@@ -1,28 +1,37 @@
 """Files of baked light beside the pairs of a data set, for all its workers and resumed runs. Imports no Blender.
 
-A file is ``light/KEY.npz``. It contains numbers only, and nothing in it is run: its members, their sizes and shapes are
-checked before they are read, and a file that does not hold what its key asks for counts as absent.
+A file is ``light/KEY-CONTENT.npz``: the key of what was baked, and the first digits of the SHA-256 checksum of the
+file. So a file that changes no longer has its name. Files of older versions are called ``light/KEY.npz``. A file
+contains numbers only. A link, a file that lacks what its key asks for, and a file with another checksum than its
+reader expects count as absent.
 """
 
 from __future__ import annotations
 
+import hashlib
 import io
-import zipfile
-import zlib
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ... import system
+from ...errors import IcyMoonError
 from ...files import write_atomically
 from ...physics.light.baked_rocks import TERMS
+from ...support.foreign_bytes import ForeignBytes, parse_npz, parse_part, read_regular
+from .our_files import check_no_link
 
 #: Folder of a data set with baked light.
 LIGHT = "light"
-_NUMBERS = ("noise", "share", "samples", "cpu_seconds")
-#: Bytes of a member beyond its values: the header of an array in a file.
-_HEADER = 1024
+_NAME = re.compile(r"([0-9a-f]{12})(?:-([0-9a-f]{12}))?\.npz")
+_CONTENT_DIGITS = 12
+_NUMBERS = ("noise", "share", "samples")
+#: Only in older files: two bakes of the same light differ in it.
+_SECONDS = "cpu_seconds"
+_ARRAYS = ("key", "values", "rocks")
+#: Bytes of a file beside its values: headers of members and of their arrays.
+_HEADERS = 2**16
 
 
 @dataclass(frozen=True)
@@ -31,7 +40,7 @@ class BakedLight:
 
     ``rocks`` (rocks, terms, 3) float32 are the numbers of ``physics.light.baked_rocks`` for the same on rocks.
     ``noise`` is its standard error over its mean, from two halves of the ``samples``. ``share`` is its mean over that
-    of all light at the vertices. ``cpu_seconds`` is what it took.
+    of all light at the vertices. ``cpu_seconds`` is what it took, which files do not contain.
     """
 
     values: np.ndarray
@@ -42,43 +51,87 @@ class BakedLight:
     cpu_seconds: float
 
 
-def path_of(dataset: Path, key: str) -> Path:
-    """Where baked light of a key is kept."""
-    return dataset / LIGHT / f"{key}.npz"
+def name_of(key: str, checksum: str) -> str:
+    """The name of a file of baked light with this SHA-256 checksum."""
+    return f"{key}-{checksum[:_CONTENT_DIGITS]}.npz"
 
 
-def write(path: Path, key: str, light: BakedLight) -> None:
-    """Write baked light, whole or not at all. Raises IcyMoonError if the disk refuses."""
+def parse_name(name: str) -> tuple[str, str] | None:
+    """The key and the first digits of the checksum that a file's name states; the digits are empty in older names.
+
+    None for a name that no baked light has.
+    """
+    found = _NAME.fullmatch(name)
+    return (found[1], found[2] or "") if found else None
+
+
+def encode(key: str, light: BakedLight) -> bytes:
+    """The content of a file of baked light: the same bytes for the same light."""
+    stream = io.BytesIO()
     numbers = {name: np.float64(getattr(light, name)) for name in _NUMBERS}
-
-    def save(part: Path) -> None:
-        with part.open("wb") as stream:
-            np.savez_compressed(stream, key=np.array(key, "S12"), values=light.values.astype("<f4"),
-                                rocks=light.rocks.astype("<f4"), **numbers)
-
-    write_atomically(path, save)
+    np.savez_compressed(stream, key=np.array(key, "S12"), values=light.values.astype("<f4"),
+                        rocks=light.rocks.astype("<f4"), **numbers)
+    return stream.getvalue()
 
 
-def read(path: Path, key: str, vertices: int, rocks: int = 0) -> BakedLight | None:
-    """The baked light of a ground of so many vertices and rocks; None if there is none, or the file is not what it
-    should be."""
-    try:
-        data = system.retry(path.read_bytes)
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            sizes = {each.filename: each.file_size for each in archive.infolist()}
-        most = {f"{name}.npy": _HEADER for name in (*_NUMBERS, "key")} | {
-            "values.npy": 12 * vertices + _HEADER, "rocks.npy": 12 * TERMS * rocks + _HEADER}
-        if sizes.keys() != most.keys() or any(sizes[name] > most[name] for name in most):
-            return None
-        with np.load(io.BytesIO(data), allow_pickle=False) as found:
-            values, of_rocks, stated = found["values"], found["rocks"], found["key"]
-            noise, share, samples, seconds = (float(found[name]) for name in _NUMBERS)
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
+def write(dataset: Path, key: str, light: BakedLight) -> tuple[Path, str]:
+    """Write baked light, whole or not at all, and return its file and SHA-256 checksum.
+
+    A file that already has this content stays. Raises IcyMoonError if the disk refuses, or the folder is a link.
+    """
+    data = encode(key, light)
+    checksum = hashlib.sha256(data).hexdigest()
+    path = dataset / LIGHT / name_of(key, checksum)
+    check_no_link(path.parent)
+    if _read_unchanged(path, checksum, len(data)) is None:
+        write_atomically(path, lambda part: _write_bytes(part, data))
+    return path, checksum
+
+
+def _write_bytes(part: Path, data: bytes) -> None:
+    part.write_bytes(data)
+
+
+def read(path: Path, key: str, checksum: str, vertices: int, rocks: int = 0) -> BakedLight | None:
+    """The baked light of a ground of so many vertices and rocks, with ``cpu_seconds`` 0 unless the file states them.
+
+    None if there is no such file with this SHA-256 checksum, or it does not hold such light.
+    """
+    most = 12 * (vertices + TERMS * rocks) + _HEADERS
+    data = _read_unchanged(path, checksum, most)
+    if data is None:
         return None
-    whole = (stated.dtype.kind == "S" and stated.shape == () and bytes(stated[()]) == key.encode()
-             and values.dtype == np.dtype("<f4") and values.shape == (vertices, 3)
-             and np.isfinite(values).all() and (values >= 0).all()
-             and of_rocks.dtype == np.dtype("<f4") and of_rocks.shape == (rocks, TERMS, 3)
-             and np.isfinite(of_rocks).all()
-             and np.isfinite([noise, share, samples, seconds]).all())
-    return BakedLight(values, of_rocks, noise, share, int(samples), seconds) if whole else None
+    try:
+        return parse_part(data, path, lambda foreign: _parse(foreign, key, vertices, rocks), "baked light",
+                          "delete it", most)
+    except IcyMoonError:
+        return None
+
+
+def _read_unchanged(path: Path, checksum: str, most: int) -> bytes | None:
+    """The content of a file that is no link and has this checksum."""
+    try:
+        if path.is_symlink() or path.parent.is_symlink():
+            return None
+        data = read_regular(path, most)
+    except (OSError, ValueError):
+        return None
+    return data if hashlib.sha256(data).hexdigest() == checksum else None
+
+
+def _parse(foreign: ForeignBytes, key: str, vertices: int, rocks: int) -> BakedLight:
+    found = parse_npz(foreign, kinds="fS")
+    if found.keys() - {_SECONDS} != {*_NUMBERS, *_ARRAYS}:
+        raise ValueError("other members")
+    shapes = {"key": (), "values": (vertices, 3), "rocks": (rocks, TERMS, 3)}
+    types = {"key": np.dtype("S12"), "values": np.dtype("<f4"), "rocks": np.dtype("<f4")}
+    for name, array in found.items():
+        if array.shape != shapes.get(name, ()) or array.dtype != types.get(name, np.dtype("<f8")):
+            raise ValueError(f"{name} of another shape or type")
+        if name != "key" and not np.isfinite(array).all():
+            raise ValueError(f"{name} with what is no number")
+    if found["key"][()] != key.encode() or (found["values"] < 0).any():
+        raise ValueError("light of another key, or below 0")
+    noise, share, samples = (float(found[name]) for name in _NUMBERS)
+    seconds = float(found.get(_SECONDS, 0.0))
+    return BakedLight(np.array(found["values"]), np.array(found["rocks"]), noise, share, int(samples), seconds)

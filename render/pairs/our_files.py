@@ -8,6 +8,7 @@ what we write.
 from __future__ import annotations
 
 import re
+import stat
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -20,12 +21,13 @@ INPUTS = "inputs"
 _ID = re.compile(r"[0-9a-f]{12}")
 #: What ``files.part_of`` appends: host, process and number.
 _UNFINISHED = r"\.[^/\\]+-\d+-\d+\.part"
+_CLAIM = r"[0-9a-f]{12}\.\d{1,9}"
 #: Names in each of our folders: what may be removed there.
 _OUR_NAMES = {
     "": re.compile(rf"(plan\.jsonl|manifest\.json|\.icymoon){_UNFINISHED}"),
     "pairs": re.compile(rf"[0-9a-f]{{12}}({_UNFINISHED})?|\.clock{_UNFINISHED}"),
-    "light": re.compile(rf"[0-9a-f]{{12}}\.npz({_UNFINISHED})?"),
-    "claims": re.compile(r"[0-9a-f]{12}\.\d+"),
+    "light": re.compile(rf"[0-9a-f]{{12}}(-[0-9a-f]{{12}})?\.npz({_UNFINISHED})?"),
+    "claims": re.compile(rf"{_CLAIM}({_UNFINISHED})?"),
     "pairs/*": re.compile(rf"pair\.json{_UNFINISHED}"),
 }
 #: Files of a pair, and what file managers leave in any folder.
@@ -53,7 +55,26 @@ def is_of_a_pair(path: Path) -> bool:
 
 def is_claim(path: Path) -> bool:
     """Whether a name is that of a claim."""
-    return bool(_OUR_NAMES["claims"].fullmatch(path.name))
+    return bool(re.fullmatch(_CLAIM, path.name))
+
+
+def is_regular(path: Path) -> bool:
+    """Whether there is a regular file, which is no link. Raises OSError where that cannot be told."""
+    try:
+        return stat.S_ISREG(path.lstat().st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+
+
+def check_no_link(*paths: Path) -> None:
+    """Raise IcyMoonError if something in a data set is a link, which may lead to anyone's files.
+
+    The data set itself may be reached by a link.
+    """
+    for path in paths:
+        if path.is_symlink():
+            raise IcyMoonError(f"{path} is a link, and nothing is written through one; put what it leads to in its "
+                               "place, or choose another data set.")
 
 
 def find_reason_to_keep(path: Path, dataset: Path) -> str:

@@ -42,7 +42,7 @@ from ...physics.rig.focal_length import focal_px
 from ...settings.changes import response
 from ...settings.description import merged, restored
 from ...typed_settings import RigSettings, Settings
-from .our_files import checked_id
+from .our_files import check_no_link, checked_id, is_regular
 
 FORMAT = "icymoon-pair"
 VERSION = 1
@@ -287,15 +287,27 @@ def is_whole(folder: Path) -> bool:
 
     Raises OSError where that cannot be told.
     """
+    return read_whole(folder) is not None
+
+
+def read_whole(folder: Path) -> dict[str, Any] | None:
+    """The content of the ``pair.json`` of a pair that is there, see ``is_whole``; None if there is no such pair.
+
+    A link leads to what is anyone's, so a pair that is one, or has one, is not there. Raises OSError where that cannot
+    be told.
+    """
     try:
         path = folder / "pair.json"
-        if not path.is_file():  # a pipe would be waited for
-            return False
+        # A pipe would be waited for.
+        if folder.is_symlink() or not is_regular(path):
+            return None
         data = parse_json(read_text(path))
-        return not find_fault(data, _FILES_SHAPE) and all((folder / name).stat().st_size == fact["bytes"]
-                                                          for name, fact in data["files"].items())
+        whole = not find_fault(data, _FILES_SHAPE) and all(
+            is_regular(folder / name) and (folder / name).stat().st_size == fact["bytes"]
+            for name, fact in data["files"].items())
+        return dict(data) if whole else None
     except (FileNotFoundError, NotADirectoryError, ValueError):
-        return False
+        return None
 
 
 def update_response(folder: Path, settings: Settings) -> None:
@@ -304,6 +316,7 @@ def update_response(folder: Path, settings: Settings) -> None:
     If another pair takes its place meanwhile, that one gets them. Raises IcyMoonError when the disk refuses.
     """
     path = folder / "pair.json"
+    check_no_link(folder, path)
     before = _read_pair_json(path)
     data = check_record(_parse(path, before), _SETTINGS_SHAPE, path, _FIX)
     # As it is read: what came after it was written is no difference.

@@ -34,7 +34,7 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
             while not lost() and is_whole(part) and not _try_rename(part, folder):
                 if not again and is_whole(folder):
                     return  # another has finished it meanwhile
-                _check_ours(folder)
+                check_place(folder)
                 aside.append(part_of(folder))
                 with suppress(FileNotFoundError):
                     _try_rename(folder, aside[-1])
@@ -79,7 +79,7 @@ def discard(part: Path) -> None:
             remove_ours(doomed, dataset)
 
 
-def _check_ours(folder: Path) -> None:
+def check_place(folder: Path) -> None:
     """Raise IcyMoonError if what is in the place of a pair is not ours to move."""
     if why := find_reason_to_keep(folder, folder.parent.parent):
         raise IcyMoonError(f"{folder} is in the way and stays as it is: {why}; move it, or choose another folder.")

@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from ... import system
-from ...file_shapes import PROCESS, TEXT, Maybe, find_fault
-from ...files import PART, explain_disk_errors, find_leftover_parts, part_of, read_text
+from ...file_shapes import NUMBER, PROCESS, SHA256, TEXT, Maybe, find_fault
+from ...files import PART, explain_disk_errors, find_leftover_parts, part_of, read_text, write_text
 from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT
 from ..pairs.our_files import is_claim, remove_ours
@@ -31,8 +31,9 @@ CLAIMS_FOLDER = "claims"
 BEAT_S, STALE_S = 10.0, 60.0
 #: How long a claim is touched for a holder that reports no progress, see ``report_progress``: it hangs then.
 SILENCE_S = 3600.0
-#: What a claim contains: its holder.
-_SHAPE = {"pid": PROCESS, "place": TEXT, "host": TEXT, "key": Maybe(TEXT)}
+#: What a claim contains: its holder; a claim of baked light, once that is baked, also the checksum of its file.
+_SHAPE = {"pid": PROCESS, "place": TEXT, "host": TEXT, "key": Maybe(TEXT),
+          "light": Maybe({"sha256": SHA256, "cpu_seconds": NUMBER})}
 
 
 class Claims:
@@ -47,6 +48,7 @@ class Claims:
         self._pairs = dataset / "pairs"
         self._key = secrets.token_hex(8)  # what tells a claim of ours from another's that got the same name later
         self._held: dict[str, Path] = {}
+        self._ahead: dict[Path, tuple[float, float]] = {}  # claims with times ahead: the time, and when it was seen
         self._heard = time.monotonic()
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
@@ -67,9 +69,7 @@ class Claims:
             except FileExistsError:
                 return False  # another was faster
             with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                json.dump({"pid": os.getpid(), "place": system.process_scope(), "host": system.computer_name(),
-                           "key": self._key},
-                          stream)
+                json.dump(self._describe_self(), stream)
         for old in claims.values():
             self._remove(old)
         if claims:
@@ -81,6 +81,23 @@ class Claims:
             self._thread.start()
         return True
 
+    def _describe_self(self) -> dict[str, Any]:
+        return {"pid": os.getpid(), "place": system.process_scope(), "host": system.computer_name(), "key": self._key}
+
+    def state_light(self, key: str, checksum: str, cpu_seconds: float) -> None:
+        """Let the claim of baked light state its file's checksum, so that other processes may use the file.
+
+        Raises IcyMoonError if the disk refuses.
+        """
+        write_text(self._held[key], json.dumps(self._describe_self() | {
+            "light": {"sha256": checksum, "cpu_seconds": cpu_seconds}}))
+
+    def find_stated_light(self, key: str) -> dict[str, Any] | None:
+        """``sha256`` and ``cpu_seconds`` of the light that the newest claim of a key states; None without any."""
+        claims = self._find_claims(key)
+        stated = [_read_claim(claims[number]).get("light") for number in sorted(claims, reverse=True)]
+        return next(filter(None, stated), None)
+
     def report_progress(self) -> None:
         """Note that the holder of these claims makes progress."""
         self._heard = time.monotonic()
@@ -90,6 +107,10 @@ class Claims:
         path = self._held.pop(pair, None)
         if path is not None and self._is_mine(path):
             system.remove(path)
+
+    def is_held(self, pair: str) -> bool:
+        """Whether this process holds the claim of a pair."""
+        return pair in self._held and not self.is_lost(pair)
 
     def is_lost(self, pair: str) -> bool:
         """Whether a pair that was claimed here has been claimed anew, since this process was taken for dead."""
@@ -136,10 +157,10 @@ class Claims:
         for part in parts:
             if part.name.split(".")[0] not in claimed:
                 self._settle(part)
-        # Such as the manifest's, that of baked light, the clock's and that of a pair.json that was to state other
-        # settings.
-        for where, pattern in ((self._dataset, "*"), (self._dataset / LIGHT, "*"), (self._pairs, ".clock"),
-                               (self._pairs, "*/*")):
+        # Such as the manifest's, that of baked light or of a claim that was to state it, the clock's and that of a
+        # pair.json that was to state other settings.
+        for where, pattern in ((self._dataset, "*"), (self._dataset / LIGHT, "*"), (self._folder, "*"),
+                               (self._pairs, ".clock"), (self._pairs, "*/*")):
             for file in find_leftover_parts(where, pattern):
                 self._remove(file)
         for path in self._list_claims():
@@ -184,7 +205,19 @@ class Claims:
         holder = _read_claim(claim)
         if holder and system.is_gone(holder["pid"], holder["place"]):
             return True
-        return self._read_clock() - touched > STALE_S
+        age = self._read_clock() - touched
+        return age > STALE_S or (age < -STALE_S and self._stands_still(claim, touched))
+
+    def _stands_still(self, claim: Path, touched: float) -> bool:
+        """Whether a claim has kept the same time for so long that its holder is gone.
+
+        That time is ahead, since a clock was set back, so it does not show how old the claim is.
+        """
+        now = time.monotonic()
+        known = self._ahead.get(claim)
+        if known is None or known[0] != touched:
+            known = self._ahead[claim] = touched, now
+        return now - known[1] > STALE_S
 
     def _read_clock(self) -> float:
         """The time by the clock that stamps the files of this folder, which may be another machine's."""

@@ -23,6 +23,7 @@ from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from
 from icymoon.render.workers.claims import Claims
+from icymoon.render.workers.shared_light import SharedLight
 from icymoon.stereo.images.exr import read_view
 from rendering import complete, empty_scene, png
 
@@ -143,7 +144,6 @@ def test_a_worker_waits_for_the_bake_of_another(registered, tmp_path):
     with ScenesFromSettings(lambda warning: None) as source:
         built, scene, _ = source.prepare(pair)
         key = baked_light.key_of(built, pair.settings)
-        path = baked_file.path_of(tmp_path, key)
         values = np.full((len(built.terrain.data.vertices), 3), 0.25, np.float32)
         made = baked_file.BakedLight(values, np.zeros((0, TERMS, 3), np.float32), 0.1, 0.2, 16, 1)
         theirs, ours = Claims(tmp_path), Claims(tmp_path)
@@ -151,13 +151,13 @@ def test_a_worker_waits_for_the_bake_of_another(registered, tmp_path):
 
         def finish() -> None:
             time.sleep(1.0)
-            baked_file.write(path, key, made)
-            theirs.close()
+            theirs.state_light(key, baked_file.write(tmp_path, key, made)[1], 1.0)
 
         worker = threading.Thread(target=finish)
         worker.start()
-        found = baked_light.provide(built, scene, pair, tmp_path, ours)
+        found = baked_light.provide(built, scene, pair, SharedLight(tmp_path, ours))
         worker.join()
+        theirs.close()
         ours.close()
         assert np.array_equal(found.lights["Sun"].light.values, made.values)
         assert built.extra == ""  # what is baked is no edit

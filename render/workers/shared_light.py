@@ -1,0 +1,173 @@
+"""Which baked light a process may use: what it has baked itself, or what others vouch for. Imports no Blender.
+
+Anyone may put a file into ``light/``. So a file is used only if its content has the checksum that
+
+* a complete pair of the data set states, which was rendered with it or for which it was too noisy, or
+* this process has kept, or
+* the claim of the process that baked it states, until its first pair is complete.
+
+Light that was baked by a process that ended before its first pair was complete is baked again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ...file_shapes import NUMBER, SHA256, TEXT, Each, Maybe, find_fault
+from ..pairs import baked_file
+from ..pairs.baked_file import LIGHT, BakedLight
+from ..pairs.our_files import is_of_a_pair, is_unfinished
+from ..pairs.pair_folder import read_whole
+from .claims import Claims
+
+_WAIT_S = 0.5
+#: What ``pair.json`` states of baked light.
+_LIGHTS = Maybe(Each({"file": TEXT, "sha256": SHA256, "cpu_seconds_of_bake": Maybe(NUMBER)}, TEXT))
+_SHAPE = {"indirect": {"lights": _LIGHTS, "tried": _LIGHTS}}
+
+
+@dataclass(frozen=True)
+class LightFile:
+    """A file of baked light as a pair or a claim states it: its name in ``light/``, the key of what it is for, its
+    SHA-256 checksum, and the processor seconds of the bake."""
+
+    name: str
+    key: str
+    checksum: str
+    cpu_seconds: float
+
+
+@dataclass(frozen=True)
+class KeptLight:
+    """Baked light and the file of the data set that it is kept in."""
+
+    light: BakedLight
+    file: str
+    sha256: str
+
+    def to_json(self, share: float) -> dict[str, Any]:
+        """What ``pair.json`` states of it, with its share of the light in the images."""
+        return {"file": self.file, "sha256": self.sha256, "samples": self.light.samples, "share": round(share, 5),
+                "noise_of_baked": round(self.light.noise, 5), "noise": round(self.light.noise * share, 5),
+                "cpu_seconds_of_bake": round(self.light.cpu_seconds, 3)}
+
+
+def find_stated(pair_json: Mapping[str, Any]) -> list[LightFile]:
+    """The files of baked light that the content of a ``pair.json`` states; those with names of other kinds left out."""
+    if find_fault(pair_json, _SHAPE):
+        return []
+    found = []
+    stated = pair_json["indirect"]
+    for fact in (*stated.get("lights", {}).values(), *stated.get("tried", {}).values()):
+        folder, _, name = fact["file"].partition("/")
+        parts = baked_file.parse_name(name)
+        if folder == LIGHT and parts and fact["sha256"].startswith(parts[1]):
+            found.append(LightFile(name, parts[0], fact["sha256"], float(fact.get("cpu_seconds_of_bake", 0.0))))
+    return found
+
+
+class VouchedLight:
+    """The baked light that the complete pairs of a data set state; each pair is read once."""
+
+    def __init__(self, dataset: Path) -> None:
+        self._pairs = dataset / "pairs"
+        self._by_pair: dict[str, list[LightFile]] = {}
+
+    def by_pair(self) -> Mapping[str, list[LightFile]]:
+        """The files that each complete pair states, by its id."""
+        for folder in self._pairs.glob("*"):
+            if folder.name not in self._by_pair and is_of_a_pair(folder) and not is_unfinished(folder):
+                self.add(folder)
+        return self._by_pair
+
+    def add(self, folder: Path) -> list[LightFile]:
+        """Read a pair that may be complete now; gives the files that it states."""
+        try:
+            data = read_whole(folder)
+        except OSError:
+            return []
+        if data is None:
+            return []
+        self._by_pair[folder.name] = found = find_stated(data)
+        return found
+
+    def of_key(self, key: str) -> list[LightFile]:
+        """The files of a key, those first that most pairs state."""
+        counted = Counter(file for files in self.by_pair().values() for file in set(files) if file.key == key)
+        return sorted(counted, key=lambda file: (-counted[file], file.checksum))
+
+
+class SharedLight:
+    """The baked light that a process uses and adds to a data set, with the claims of the process."""
+
+    def __init__(self, dataset: Path, claims: Claims) -> None:
+        self._dataset, self.claims = dataset, claims
+        self._vouched = VouchedLight(dataset)
+        self._known: dict[str, LightFile] = {}
+        self._waiting: set[str] = set()  # keys whose claims are held until a pair states their light
+
+    def get(self, key: str, vertices: int, rocks: int, bake: Callable[[], BakedLight]) -> tuple[KeptLight, float]:
+        """Baked light of a ground of so many vertices and rocks, and the processor seconds that ``bake`` took just now.
+
+        One process bakes while others wait for it. Raises IcyMoonError if it cannot be baked or written.
+        """
+        made: BakedLight | None = None
+        while True:
+            if found := self._find(key, vertices, rocks):
+                return found, made.cpu_seconds if made else 0.0
+            if self.claims.is_held(key) or self.claims.take(key):
+                try:
+                    # Another may have finished it before it was claimed here.
+                    found = self._find(key, vertices, rocks)
+                    if found is None:
+                        made = made or bake()
+                        # Another may have taken this process for dead meanwhile; then its light counts.
+                        found = None if self.claims.is_lost(key) else self._keep(key, made)
+                finally:
+                    if key not in self._waiting:
+                        self.claims.release(key)
+                if found:
+                    return found, made.cpu_seconds if made else 0.0
+            else:
+                self.claims.report_progress()
+                time.sleep(_WAIT_S)
+
+    def note_pair(self, folder: Path) -> None:
+        """Give back the claims of the light that a pair, which was just rendered, states."""
+        for file in self._vouched.add(folder):
+            if file.key in self._waiting:
+                self._waiting.discard(file.key)
+                self.claims.release(file.key)
+
+    def _find(self, key: str, vertices: int, rocks: int) -> KeptLight | None:
+        """Light that may be used, from its file."""
+        candidates = self._vouched.of_key(key)
+        if key in self._known:
+            candidates.append(self._known[key])
+        if stated := self.claims.find_stated_light(key):
+            candidates.append(LightFile(baked_file.name_of(key, stated["sha256"]), key, stated["sha256"],
+                                        float(stated["cpu_seconds"])))
+        for file in candidates:
+            path = self._dataset / LIGHT / file.name
+            light = baked_file.read(path, key, file.checksum, vertices, rocks)
+            if light is not None:
+                self._known[key] = file
+                return _kept(path, file.checksum, replace(light, cpu_seconds=file.cpu_seconds))
+        return None
+
+    def _keep(self, key: str, light: BakedLight) -> KeptLight:
+        """Write light that was baked here, and hold its claim until a pair states it."""
+        path, checksum = baked_file.write(self._dataset, key, light)
+        self.claims.state_light(key, checksum, light.cpu_seconds)
+        self._known[key] = LightFile(path.name, key, checksum, light.cpu_seconds)
+        self._waiting.add(key)
+        return _kept(path, checksum, light)
+
+
+def _kept(path: Path, checksum: str, light: BakedLight) -> KeptLight:
+    return KeptLight(light, f"{LIGHT}/{path.name}", checksum)
