@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,14 +13,25 @@ from ...files import read_text, sha256
 from ...formats.exr_layout import is_whole
 from ...physics.camera.blur import blur_identity
 from ...settings.description import digest
+from ...settings.pair_ids import counts, value_in_id
+from ...settings.table import all_settings
 from ...support.foreign_bytes import parse_json
-from ..pairs.baked_file import LIGHT
-from ..pairs.our_files import INPUTS, find_reason_to_keep, is_claim, is_unfinished, remove_ours
+from ..pairs.baked_file import LIGHT, parse_name
+from ..pairs.our_files import (
+    INPUTS,
+    find_reason_to_keep,
+    is_claim,
+    is_of_a_pair,
+    is_regular,
+    is_unfinished,
+    remove_ours,
+)
 from ..pairs.pair_folder import Pair, is_complete, read_pair
 from ..plans.frozen_plan import PLAN, read_frozen_plan
 from ..plans.planned_pair import PlannedPair
 from .claims import CLAIMS_FOLDER, Claims
 from .manifest import MANIFEST
+from .shared_light import LightFile, VouchedLight
 
 #: What a data set's folder may contain beside its pairs.
 _OUR_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm", INPUTS, LIGHT}
@@ -28,13 +39,15 @@ _OUR_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_
 _STAND_INS = ("", "Hapke of nodes")
 #: What a pair must state so that its files can be checked: names of files in its folder, no device, no other folder.
 _FILES_SHAPE = {"files": Each({"sha256": SHA256}, FILE_NAME)}
+#: How many settings are named in which a pair differs from the plan.
+_MOST_NAMED = 5
 
 
 @dataclass(frozen=True)
 class Problem:
     """A problem: its kind, what has it (a pair's id or a path), a sentence, and the ``path`` that may be removed."""
 
-    kind: str  # "unreadable", "missing", "broken", "foreign", "leftover" or "kept"
+    kind: str  # "unreadable", "missing", "broken", "foreign", "edited", "light", "leftover" or "kept"
     what: str
     text: str
     path: Path | None = None
@@ -71,6 +84,7 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
         complete += not found
         problems += found
     problems += _check_other_files(dataset, {pair.id for pair in frozen.pairs}, working)
+    problems += _check_light(dataset, working)
     for path in dict.fromkeys(problem.path for problem in problems if problem.path) if remove_broken else ():
         if not remove_ours(path, dataset):
             why = find_reason_to_keep(path, dataset) or "the disk does not allow it"
@@ -80,6 +94,10 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
 
 def _check_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[Problem]:
     folder = planned.folder(dataset)
+    if link := _find_link(folder):
+        yield Problem("foreign", planned.id, f"{link} is a link, which is no part of a pair; put what it leads to "
+                      "in its place, or remove it and run icymoon batch.", folder)
+        return
     if not (folder / "pair.json").is_file():
         if folder.exists():
             yield Problem("broken", planned.id, f"{folder} has no pair.json.", folder)
@@ -100,6 +118,12 @@ def _check_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[
             yield Problem("broken", planned.id, text, folder)
 
 
+def _find_link(folder: Path) -> Path | None:
+    """The first of a pair's folders and files that is a link."""
+    inside = [] if folder.parent.is_symlink() or folder.is_symlink() else sorted(folder.glob("*"))
+    return next((path for path in (folder.parent, folder, *inside) if path.is_symlink()), None)
+
+
 def _is_intact(folder: Path) -> bool:
     """Whether all files of a pair are as they were rendered, whatever else is wrong with it.
 
@@ -108,7 +132,7 @@ def _is_intact(folder: Path) -> bool:
     try:
         data = parse_json(read_text(folder / "pair.json"))
         return not find_fault(data, _FILES_SHAPE) and bool(data["files"]) and all(
-            (folder / name).is_file() and sha256(folder / name) == fact["sha256"]
+            is_regular(folder / name) and sha256(folder / name) == fact["sha256"]
             for name, fact in data["files"].items())
     except (FileNotFoundError, NotADirectoryError, ValueError):
         return False
@@ -134,19 +158,82 @@ def _find_damage(pair: Pair) -> Iterator[str]:
 
 
 def _find_contradictions(pair: Pair, planned: PlannedPair) -> Iterator[str]:
-    """In what a pair that can be read is not what was planned, in sentences."""
+    """In what a pair that can be read is not what was planned, in sentences. The pair itself excuses nothing."""
     path = pair.folder / "pair.json"
     if pair.id != planned.id:
         yield f"{path} is of pair {pair.id}, not {planned.id}."
-    own, blur = str(pair.data.get("own_files_sha256", "")), blur_identity(pair.settings)
-    ids = {digest(pair.settings, own + each + blur) for each in _STAND_INS}
-    if not pair.data.get("edited_by_hand") and pair.id not in ids:
-        yield f"{path}: its settings do not give the id {pair.id}."
+    others = [(name, pair.settings[topic][key], planned.settings[topic][key]) for name, topic, key in _settings_in_id()
+              if value_in_id(name, pair.settings) != value_in_id(name, planned.settings)]
+    if others:
+        texts = [f"{name} is {there!r} and was planned as {wanted!r}" for name, there, wanted in others[:_MOST_NAMED]]
+        more = [f"{len(others) - _MOST_NAMED} more settings differ"] * (len(others) > _MOST_NAMED)
+        yield f"{path}: {'; '.join([*texts, *more])}, so its settings do not give the id {planned.id}."
+    own, blur = str(pair.data.get("own_files_sha256", "")), blur_identity(planned.settings)
+    if pair.data.get("edited_by_hand"):
+        yield f"{path} states that the scene was edited by hand, and {PLAN} plans no such pair."
+    elif not others and planned.id not in {digest(planned.settings, own + each + blur) for each in _STAND_INS}:
+        yield f"{path}: its settings and own files do not give the id {planned.id}."
     seed = pair.data.get("seeds", {}).get("render")
     if seed != planned.render_seed:
         yield f"{path}: was rendered with the seed {seed}, not {planned.render_seed}."
     yield from (f"{pair.folder / name} is no whole EXR image." for name in pair.data["files"]
                 if name.endswith(".exr") and not is_whole(pair.folder / name))
+
+
+def _settings_in_id() -> list[tuple[str, str, str]]:
+    """Name, topic and key of the settings that can change a rendered pixel."""
+    return [(f"{topic}.{setting.key}", topic, setting.key) for topic, setting in all_settings() if counts(setting)]
+
+
+def _check_light(dataset: Path, working: set[str]) -> Iterator[Problem]:
+    """What is wrong with baked light: its files, and what pairs state of it."""
+    folder = dataset / LIGHT
+    if folder.is_symlink():
+        yield Problem("foreign", LIGHT, f"{folder} is a link, so its light counts as absent; put what it leads to in "
+                      "its place.")
+        return
+    stated: dict[LightFile, list[str]] = {}
+    for pair, files in sorted(VouchedLight(dataset).by_pair().items()):
+        for file in set(files):
+            stated.setdefault(replace(file, cpu_seconds=0.0), []).append(pair)
+    checksums: dict[str, str] = {}
+    for path in sorted(folder.glob("*")):
+        parts = parse_name(path.name)
+        if is_unfinished(path) and path.name.split("-")[0].split(".")[0] not in working:
+            yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
+        elif parts and not is_regular(path):
+            yield Problem("foreign", path.name, f"{path} is no regular file, so its light counts as absent; remove it.")
+        elif parts:
+            checksums[path.name] = checksum = sha256(path)
+            if not checksum.startswith(parts[1]):
+                yield Problem("broken", path.name, f"{path} is not what was baked: its name states another content.",
+                              path)
+            elif parts[0] not in working and not any(file.name == path.name for file in stated):
+                yield Problem("light", path.name, f"No pair states the light {path}, so it is not used; remove it.")
+        elif not is_unfinished(path):
+            yield Problem("foreign", path.name, f"{path} is no baked light.")
+    for file, pairs in stated.items():
+        if checksums.get(file.name) != file.checksum:
+            how = "has another content now" if file.name in checksums else "is missing"
+            yield Problem("light", file.name, f"{folder / file.name} {how}, and {_name_pairs(pairs)} rendered with it; "
+                          "to bake it again, move one of them away and run icymoon batch.")
+    for key in sorted({file.key for file in stated}):
+        first, *more = sorted((pairs[0], file.checksum) for file, pairs in stated.items() if file.key == key)
+        yield from (Problem("light", key, f"Pair {pair} was rendered with other light than pair {first[0]}, although "
+                            "their ground and light are the same; move one of them away and run icymoon batch.")
+                    for pair, checksum in more if checksum != first[1])
+
+
+def _name_pairs(pairs: list[str]) -> str:
+    return f"pair {pairs[0]} was" if len(pairs) == 1 else f"{len(pairs)} pairs such as {pairs[0]} were"
+
+
+def _is_edited(folder: Path) -> bool:
+    """Whether a pair that no plan has is of a scene that was edited by hand."""
+    try:
+        return bool(read_pair(folder).data.get("edited_by_hand"))
+    except IcyMoonError:
+        return False
 
 
 def _check_other_files(dataset: Path, planned: set[str], working: set[str]) -> Iterator[Problem]:
@@ -159,10 +246,16 @@ def _check_other_files(dataset: Path, planned: set[str], working: set[str]) -> I
                 yield Problem("leftover", path.name, f"{path} is a whole pair; icymoon batch puts it into its place.")
             elif name not in working:
                 yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
+        elif name not in planned and is_of_a_pair(path) and _is_edited(path):
+            yield Problem("edited", path.name, f"Pair {path} was edited by hand: its settings do not determine its "
+                          "images, and no plan has it.")
         elif name not in planned or path.name != name:
             yield Problem("foreign", path.name, f"{path} is not of this plan.")
     for path in sorted((dataset / CLAIMS_FOLDER).glob("*")):
-        if not is_claim(path):
+        if is_unfinished(path):
+            if path.name.split(".")[0] not in working:
+                yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
+        elif not is_claim(path):
             yield Problem("foreign", path.name, f"{path} is no claim.")
         elif path.name.split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} is the claim of a process that is gone.", path)

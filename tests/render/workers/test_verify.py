@@ -1,0 +1,259 @@
+"""``verify``: the plan decides what a pair is to be, and pairs decide which light is theirs."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from icymoon.commands.cli import main
+from icymoon.physics.light.baked_rocks import TERMS
+from icymoon.render.pairs import baked_file
+from icymoon.render.pairs.baked_file import BakedLight
+from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.workers.claims import Claims
+from icymoon.render.workers.shared_light import KeptLight
+from icymoon.render.workers.verify import Findings, Problem, verify
+from pairs import Scene, camera, write_pair
+from plans import grid
+
+PAIRS = grid(seeds=1)
+KEYS = ("000000000000", "111111111111")
+
+
+def light(level: float = 1.0) -> BakedLight:
+    return BakedLight(np.full((9, 3), level, np.float32), np.zeros((0, TERMS, 3), np.float32), 0.02, 0.2, 64, 2.0)
+
+
+def rewrite(folder: Path, **changes: Any) -> None:
+    path = folder / "pair.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+def bake(dataset: Path, key: str, level: float = 1.0) -> KeptLight:
+    path, checksum = baked_file.write(dataset, key, light(level))
+    return KeptLight(light(level), f"light/{path.name}", checksum)
+
+
+def state(folder: Path, kept: KeptLight) -> None:
+    rewrite(folder, indirect={"method": "BAKED", "lights": {"Sun": kept.to_json(0.2)}})
+
+
+@pytest.fixture
+def dataset(tmp_path) -> Path:
+    """A whole data set of four pairs; each two share a light."""
+    folder = tmp_path / "set"
+    datasets.freeze_plan(folder, PAIRS, "")
+    kept = [bake(folder, key) for key in KEYS]
+    for number, pair in enumerate(PAIRS):
+        made = write_pair(pair.folder(folder), Scene(), camera(32, 24), settings=pair.settings)
+        rewrite(made, seeds={"dataset": 0, "render": pair.render_seed}, edited_by_hand=False)
+        state(made, kept[number // 2])
+    assert verify(folder) == Findings(4, 4, ())
+    return folder
+
+
+def everything(folder: Path) -> dict[str, bytes]:
+    """All files below a folder, links not followed."""
+    return {str(Path(place, name)): Path(place, name).read_bytes() for place, _, names in os.walk(folder)
+            for name in names if not Path(place, name).is_symlink()}
+
+
+def the_problem(dataset: Path, remove: bool = False) -> Problem:
+    problem, = verify(dataset, remove).problems
+    assert problem.text.endswith(".")
+    assert "\n" not in problem.text
+    return problem
+
+
+def change_setting(folder: Path, topic: str, key: str, value: Any) -> None:
+    settings = json.loads((folder / "pair.json").read_text())["settings"]
+    settings[topic][key] = value
+    rewrite(folder, settings=settings)
+
+
+# The plan decides
+
+@pytest.mark.parametrize("edited", [False, True])
+@pytest.mark.parametrize(("topic", "key", "value"), [
+    ("light", "sun_elevation_deg", 77.0), ("surface", "albedo", 0.123), ("terrain", "hurst", 0.7),
+    ("rig", "heading_deg", 45.0), ("dataset", "seed", 99), ("quality", "samples", 4000)])
+def test_settings_that_are_not_the_plans_are_reported_whatever_the_pair_states(dataset, topic, key, value, edited):
+    folder = PAIRS[1].folder(dataset)
+    change_setting(folder, topic, key, value)
+    rewrite(folder, edited_by_hand=edited)
+    found = verify(dataset, remove_broken=True)
+    assert found.complete == 3
+    texts = [problem.text for problem in found.problems]
+    assert any(f"{topic}.{key} is {value}" in text and "was planned as" in text for text in texts)
+    assert {(problem.kind, problem.what) for problem in found.problems} == {("foreign", PAIRS[1].id)}
+    assert (folder / "pair.json").exists()
+    assert len(texts) == 1 + edited
+
+
+def test_a_pair_of_the_plan_that_claims_to_be_edited_is_not_as_planned(dataset):
+    rewrite(PAIRS[1].folder(dataset), edited_by_hand=True)
+    problem = the_problem(dataset)
+    assert (problem.kind, problem.what) == ("foreign", PAIRS[1].id)
+    assert "plan.jsonl plans no such pair" in problem.text
+
+
+def test_the_settings_of_another_pair_of_the_plan_are_reported(dataset):
+    """Consistent in itself, with the id, settings and seed of another planned pair."""
+    other = json.loads((PAIRS[2].folder(dataset) / "pair.json").read_text())
+    (PAIRS[1].folder(dataset) / "pair.json").write_text(json.dumps(other))
+    texts = " ".join(problem.text for problem in verify(dataset).problems)
+    for word in (f"is of pair {PAIRS[2].id}", "light.sun_elevation_deg is 40.0 and was planned as 20.0", "seed"):
+        assert word in texts
+
+
+@pytest.mark.parametrize("own", ["Hapke of nodes and more", "0" * 64])
+def test_files_of_ones_own_that_do_not_give_the_id_are_reported(dataset, own):
+    rewrite(PAIRS[1].folder(dataset), own_files_sha256=own)
+    assert "own files do not give the id" in the_problem(dataset).text
+
+
+def test_what_does_not_change_a_pixel_may_differ(dataset):
+    for topic, key, value in (("sensor", "gain", 2.0), ("quality", "threads", 3)):
+        change_setting(PAIRS[1].folder(dataset), topic, key, value)
+    assert verify(dataset).problems == ()
+
+
+def test_an_edited_pair_that_no_plan_has_is_a_state(dataset):
+    """As the window renders a scene that was edited by hand into the folder of a data set."""
+    folder = write_pair(dataset / "pairs" / ("e" * 12), Scene(), camera(32, 24), settings=PAIRS[0].settings)
+    rewrite(folder, edited_by_hand=True)
+    before = everything(dataset)
+    problem = the_problem(dataset, remove=True)
+    assert (problem.kind, problem.what) == ("edited", "e" * 12)
+    assert "settings do not determine its images" in problem.text
+    assert everything(dataset) == before
+    rewrite(folder, edited_by_hand=False)
+    assert the_problem(dataset).kind == "foreign"
+
+
+# Pairs decide
+
+def first_light(dataset: Path) -> Path:
+    return sorted((dataset / "light").iterdir())[0]
+
+
+def replace_by_brighter(dataset: Path) -> None:
+    other = dataset.with_name("other")
+    first_light(dataset).write_bytes((other / bake(other, KEYS[0], 8.0).file).read_bytes())
+
+
+LIGHT_FAULTS: dict[str, tuple[Callable[[Path], object], set[tuple[str, str]], bool]] = {
+    "brighter": (replace_by_brighter, {("broken", "states another content"), ("light", "has another content now")},
+                 True),
+    "empty": (lambda d: first_light(d).write_bytes(b""), {("broken", "another content"), ("light", "another content")},
+              True),
+    "gone": (lambda d: first_light(d).unlink(), {("light", "is missing, and 2 pairs such as")}, False),
+    "not used": (lambda d: bake(d, "2" * 12), {("light", "No pair states the light")}, False),
+    "not used, of a key": (lambda d: bake(d, KEYS[0], 8.0), {("light", "No pair states the light")}, False),
+    "not ours": (lambda d: (d / "light" / "thesis.txt").write_text("x"), {("foreign", "is no baked light")}, False),
+    "old name": (lambda d: first_light(d).rename(d / "light" / f"{KEYS[0]}.npz"),
+                 {("light", "No pair states"), ("light", "is missing")}, False),
+    "unfinished": (lambda d: (d / "light" / f"{KEYS[0]}.npz.host-1-1.part").write_text(""),
+                   {("leftover", "left unfinished")}, True),
+    "a folder": (lambda d: (d / "light" / f"{KEYS[0]}.npz").mkdir(), {("foreign", "no regular file")}, False),
+    "a pipe": (lambda d: os.mkfifo(d / "light" / f"{KEYS[0]}.npz"), {("foreign", "no regular file")}, False)}
+
+
+@pytest.mark.parametrize("fault", LIGHT_FAULTS)
+def test_every_fault_of_light_is_reported_and_only_what_is_broken_goes(dataset, fault):
+    damage, wanted, goes = LIGHT_FAULTS[fault]
+    damage(dataset)
+    before = set(dataset.rglob("*"))
+    found = verify(dataset, remove_broken=True)
+    assert found.complete == 4  # the images of pairs are what they were
+    assert len(found.problems) == len(wanted)
+    for kind, words in wanted:
+        assert any(problem.kind == kind and words in problem.text for problem in found.problems), words
+    assert (before == set(dataset.rglob("*"))) != goes
+
+
+def test_two_pairs_of_one_key_with_different_light_are_reported(dataset):
+    state(PAIRS[1].folder(dataset), bake(dataset, KEYS[0], 8.0))
+    problem = the_problem(dataset)
+    assert problem.kind == "light"
+    assert sorted(PAIRS[k].id in problem.text for k in (0, 1)) == [True, True]
+    assert "other light than pair" in problem.text
+
+
+def test_light_that_is_missing_comes_back_as_the_sentence_states(dataset):
+    """One of its pairs is moved away and rendered again, and the same light has the same file."""
+    first_light(dataset).unlink()
+    assert "move one of them away and run icymoon batch" in the_problem(dataset).text
+    bake(dataset, KEYS[0])
+    assert verify(dataset).problems == ()
+
+
+def test_light_of_an_older_version_is_whole_while_it_is_as_its_pairs_state(dataset):
+    old = first_light(dataset).rename(dataset / "light" / f"{KEYS[0]}.npz")
+    for pair in PAIRS[:2]:
+        stated = json.loads((pair.folder(dataset) / "pair.json").read_text())["indirect"]
+        stated["lights"]["Sun"]["file"] = f"light/{old.name}"
+        rewrite(pair.folder(dataset), indirect=stated)
+    assert verify(dataset).problems == ()
+    old.write_bytes(old.read_bytes() + b"\0")
+    assert "has another content now" in the_problem(dataset, remove=True).text
+    assert old.exists()  # its name does not state its content
+
+
+def test_light_that_is_being_baked_is_no_fault(dataset):
+    other = Claims(dataset)
+    assert other.take("2" * 12)
+    bake(dataset, "2" * 12)
+    (dataset / "light" / f"{'2' * 12}-{'3' * 12}.npz.host-1-1.part").write_text("")
+    assert verify(dataset).problems == ()
+    other.close()
+    assert {problem.kind for problem in verify(dataset).problems} == {"light", "leftover"}
+
+
+def test_a_claim_that_was_to_state_light_is_a_leftover(dataset):
+    (dataset / "claims").mkdir()
+    path = dataset / "claims" / f"{KEYS[0]}.1.host-1-1.part"
+    path.write_text("")
+    assert the_problem(dataset, remove=True).kind == "leftover"
+    assert not path.exists()
+
+
+# Links lead to what is anyone's
+
+PLACES = ["pairs", "light", f"pairs/{PAIRS[0].id}", f"pairs/{PAIRS[0].id}/pair.json", f"pairs/{PAIRS[0].id}/left.exr",
+          "a light"]
+
+
+@pytest.mark.parametrize("whole", [True, False])
+@pytest.mark.parametrize("place", PLACES)
+def test_a_link_is_reported_and_nothing_behind_it_changes(dataset, tmp_path, place, whole, monkeypatch):
+    path = first_light(dataset) if place == "a light" else dataset / place
+    elsewhere = tmp_path / "elsewhere"
+    path.rename(elsewhere)
+    path.symlink_to(elsewhere)
+    if not whole:
+        target = next(each for each in (elsewhere, *sorted(elsewhere.rglob("*"))) if each.is_file())
+        target.write_bytes(b"mine")
+    before = everything(tmp_path)
+    found = verify(dataset, remove_broken=True)
+    assert any("link" in problem.text or "no regular file" in problem.text for problem in found.problems)
+    assert everything(tmp_path) == before
+    assert path.is_symlink()
+    if place.startswith("pairs"):
+        assert found.complete < 4
+    monkeypatch.setenv("ICYMOON_CACHE", str(tmp_path / "cache"))
+    assert main(["work", str(dataset), "--blender", "/nowhere/blender"]) == (0 if "light" in place and place != "light"
+                                                                             else 1)
+    after = everything(tmp_path)
+    assert before.items() <= after.items()
+    assert {name for name in after.keys() - before.keys() if "elsewhere" in name} == set()
+
+
+def test_the_data_set_itself_may_be_reached_by_a_link(dataset, tmp_path):
+    (tmp_path / "short").symlink_to(dataset)
+    assert verify(tmp_path / "short") == Findings(4, 4, ())
