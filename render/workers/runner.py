@@ -6,6 +6,7 @@ and a pair in progress belongs to whoever holds its claim.
 
 from __future__ import annotations
 
+import math
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
@@ -15,11 +16,13 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...file_shapes import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
+from ..pairs.baked_file import LIGHT
+from ..pairs.our_files import check_no_link
 from ..pairs.pair_folder import is_complete, update_response
 from ..plans.order import cut_into_jobs
 from ..plans.planned_pair import PlannedPair
 from .cards import ALL_CARDS, Cards, add_cards, choose_one
-from .claims import Claims
+from .claims import CLAIMS_FOLDER, Claims
 from .job import Job, blender_command
 from .process import Message, Process
 
@@ -31,6 +34,8 @@ _EXIT_S = 10.0
 #: A worker that has sent nothing for so long may hang: its other pairs are given to workers that have time.
 _SUSPECT_S = 300.0
 _STEP_S, _WAIT_S = 0.05, 1.0
+#: How often the pairs of a silent worker are looked for on the disk: each look reads every pair.json among them.
+_LOOK_S = 5.0
 #: The messages of workers that are read here.
 _MESSAGES: dict[str, Shape] = {
     "progress": {"pair": Maybe(TEXT), "of_pair": Maybe(NUMBER)}, "pair": {"id": TEXT}, "warning": {"message": TEXT},
@@ -60,6 +65,8 @@ class _Worker:
     pairs: list[PlannedPair]
     place: int = 0  # among those that run at the same time
     heard: float = field(default_factory=time.monotonic)
+    looked: float = -math.inf  # when its pairs were looked for last
+    left: list[PlannedPair] = field(default_factory=list)  # those that were not there then
     current: str = ""  # the pair in progress
     fraction: float = 0.0  # of it
     error: str = ""  # its error
@@ -98,6 +105,7 @@ class Runner:
         Raises IcyMoonError when nothing can be rendered (the disk is full, Blender does not start). However
         it ends, no worker is left.
         """
+        check_no_link(self._dataset / "pairs", self._dataset / CLAIMS_FOLDER, self._dataset / LIGHT)
         try:
             self._claims.clean_up()
             for pair in self._pairs:
@@ -161,19 +169,28 @@ class Runner:
 
     def _patience_s(self, worker: _Worker, silent: float) -> float:
         """For how long a worker may send nothing: not long if all its pairs are complete, perhaps by others."""
-        idle = worker.done or (silent > _EXIT_S and not self._find_left(worker))
+        idle = worker.done or (silent > _EXIT_S and not self._look_for_left(worker))
         return _EXIT_S if idle else self._options.silence_s
+
+    def _look_for_left(self, worker: _Worker) -> list[PlannedPair]:
+        """What ``_find_left`` found some seconds ago at most."""
+        now = time.monotonic()
+        if now - worker.looked > _LOOK_S:
+            worker.looked, worker.left = now, self._find_left(worker)
+        return worker.left
 
     def _find_left(self, worker: _Worker) -> list[PlannedPair]:
         """What a worker was given that is neither there nor set aside."""
-        return [pair for pair in worker.pairs if pair.id not in self.failed
+        return [pair for pair in worker.pairs if pair.id not in self.failed and pair.id not in self._complete
                 and not is_complete(pair.folder(self._dataset))]
 
     def _reassign(self, worker: _Worker) -> None:
         """Give what a worker has not begun to another; if it goes on after all, it finds that done, or claimed."""
-        waiting = [pair for pair in self._find_left(worker) if pair.id != worker.current]
+        waiting = [pair for pair in self._look_for_left(worker) if pair.id != worker.current]
         if waiting:
-            worker.pairs = [pair for pair in worker.pairs if pair not in waiting]
+            given = {pair.id for pair in waiting}
+            worker.pairs = [pair for pair in worker.pairs if pair.id not in given]
+            worker.left = [pair for pair in worker.left if pair.id not in given]
             self._queue.append(waiting)
 
     def _start(self, pairs: list[PlannedPair]) -> None:

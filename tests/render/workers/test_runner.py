@@ -240,3 +240,31 @@ def test_another_camera_response_is_stated_without_a_render(stand):
     for pair in changed:
         data = json.loads((pair.folder(stand.dataset) / "pair.json").read_text())
         assert data["settings"]["sensor"]["gain"] == 2.5
+
+
+def test_the_pairs_of_a_silent_worker_are_looked_for_seldom(stand, monkeypatch):
+    """Each look reads every pair.json among them, and the runner comes by twenty times a second."""
+    monkeypatch.setattr(runner, "_SUSPECT_S", 0.4)  # so that its other pairs are looked for too
+    monkeypatch.setattr(runner, "MOST_CRASHES", 1)
+    looks = []
+    find = Runner._find_left
+    monkeypatch.setattr(Runner, "_find_left", lambda self, worker: looks.append(worker) or find(self, worker))
+    steps = []
+    step = Runner._step
+    monkeypatch.setattr(Runner, "_step", lambda self: steps.append(1) or step(self))
+    stand.behave(**{PAIRS[0].id: "hang"})
+    assert set(stand.run(workers=2, silence_s=1.5)) == {PAIRS[0].id}
+    # Once while a worker is silent, and once when it has ended.
+    assert len(looks) <= 2 * len({id(worker) for worker in looks})
+    assert len(steps) > 4 * len(looks)
+
+
+def test_pairs_that_are_known_to_be_complete_are_not_read_again(stand, monkeypatch):
+    assert stand.run() == {}
+    watched = stand.runner()
+    read = []
+    monkeypatch.setattr(runner, "is_complete", lambda folder: read.append(folder) or True)
+    watched._complete = {pair.id for pair in PAIRS[:5]}
+    worker = runner._Worker(None, None, list(PAIRS))  # type: ignore[arg-type]
+    assert watched._find_left(worker) == []
+    assert len(read) == len(PAIRS) - 5
