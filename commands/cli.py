@@ -27,7 +27,8 @@ from ..support import printer
 from ..terminal import Parser, as_path, run_verb, show_counted_progress, show_progress
 from ..typed_settings import Settings
 from ..version import version
-from . import batch, camera, check_plugin, plan, stand_ins, validate
+from . import batch, camera, check_plugin, plan, sky, stand_ins, validate
+from .scene_options import add_scene_options, read_settings
 
 if TYPE_CHECKING:
     from ..stereo.trade.measure_variants import Bench
@@ -120,6 +121,7 @@ def _make_parser() -> argparse.ArgumentParser:
     gallery.set_defaults(run=_run_gallery)
 
     camera.add_verb(verbs)
+    sky.add_verb(verbs)
     plan.add_verbs(verbs)
     batch.add_verbs(verbs)
     stand_ins.add_verbs(verbs)
@@ -154,19 +156,8 @@ def _add_bench_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_scene_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--preset", action="append", default=[], help="shipped preset, see icymoon presets; may repeat")
-    parser.add_argument("--settings", type=as_path, action="append", default=[], help="TOML file; may repeat")
-    parser.add_argument("--set", action="append", default=[], metavar="TOPIC.KEY=VALUE", dest="overrides",
-                        help="one setting; may repeat")
+    add_scene_options(parser)
     parser.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
-
-
-def _read_settings(options: argparse.Namespace) -> Settings:
-    return description.merged(
-        description.defaults(),
-        *(preset_files.load_preset(name) for name in options.preset),
-        *(preset_files.load(path) for path in options.settings),
-        *(description.override(text) for text in options.overrides))
 
 
 def render_settings(settings: Settings, dataset: Path, blender: str, *, again: bool = False) -> list[Path]:
@@ -180,7 +171,7 @@ def render_settings(settings: Settings, dataset: Path, blender: str, *, again: b
 
 def _run_render(options: argparse.Namespace) -> int:
     choose_cards(options.cards)
-    settings = _read_settings(options)
+    settings = read_settings(options)
     if settings.source.file and settings.source.kind == "PROCEDURAL":
         printer.warn("source.file is not used: source.kind is PROCEDURAL; set it to MESH or HEIGHT_MAP.")
     dataset = options.out.absolute() if options.out else absolute_folder(str(settings.dataset.folder))
@@ -190,7 +181,7 @@ def _run_render(options: argparse.Namespace) -> int:
 
 
 def _run_settings(options: argparse.Namespace) -> int:
-    printer.say(toml_text.to_toml(_read_settings(options)).removesuffix("\n"))
+    printer.say(toml_text.to_toml(read_settings(options)).removesuffix("\n"))
     return 0
 
 
@@ -262,7 +253,7 @@ def _run_bench(options: argparse.Namespace, title: str, work: Callable[[Bench], 
 
     told = nullcontext(_emit_event) if options.json_lines else show_counted_progress(title)
     with report_errors(options.json_lines), told as on_event:
-        view = description.merged(_read_settings(options), {"dataset": {"headings": 1}})
+        view = description.merged(read_settings(options), {"dataset": {"headings": 1}})
         found = work(Bench(scaled_view(view, options.scale), options.out.absolute(), options.blender, options.methods,
                            options.reference_samples, repeats, on_event, tuple(options.own), options.images))
     if options.json_lines:
@@ -350,7 +341,7 @@ def _run_quality(options: argparse.Namespace) -> int:
     from ..render.cost.speed import recall_speed
 
     with report_errors(options.json):
-        settings = _read_settings(options)
+        settings = read_settings(options)
         device = str(settings.quality.device)
         speed = None if options.measure else recall_speed(device)
         if speed is None:

@@ -41,8 +41,8 @@ class Positions:
     from_j2000: np.ndarray  # (3, 3) from the J2000 equatorial frame
 
 
-def days_since_j2000(date_utc: str) -> float:
-    """Days (TDB) since 2000-01-01 12:00 of a date such as 2035-03-01T12:00:00, which is UTC.
+def parse_date(date_utc: str) -> np.datetime64:
+    """A date such as 2035-03-01T12:00:00, to the millisecond.
 
     Raises IcyMoonError for what is no date.
     """
@@ -56,6 +56,15 @@ def days_since_j2000(date_utc: str) -> float:
         date = np.datetime64("NaT", "ms")
     if np.isnat(date):
         raise IcyMoonError(f"light.date_utc is {shorten(date_utc)!r}; write it as 2035-03-01T12:00:00.")
+    return date
+
+
+def days_since_j2000(date_utc: str) -> float:
+    """Days (TDB) since 2000-01-01 12:00 of a date such as 2035-03-01T12:00:00, which is UTC.
+
+    Raises IcyMoonError for what is no date.
+    """
+    date = parse_date(date_utc)
     return float((date - np.datetime64("2000-01-01T12:00", "ms")) / np.timedelta64(1, "ms")
                  + 1000 * _TDB_UTC_S) / 86.4e6
 

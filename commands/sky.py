@@ -1,0 +1,90 @@
+"""The verb ``sky``: Sun, planet and eclipse over a site at dates, without a render."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..physics.light.ephemeris import parse_date
+from ..physics.light.sky import check_body, sky, sky_facts
+from ..settings.description import check, merged
+from ..support.printer import emit_json, print_table, say
+from .scene_options import add_scene_options, read_settings
+
+#: Most dates of a table.
+_MOST_ROWS = 1000
+#: Characters of a row that goes into a pipe.
+_WIDTH = 132
+_COLUMNS = ("Date (UTC)", "Sun el.°", "az.°", "W/m²", "level", "hidden %", "Planet el.°", "az.°", "size°", "phase°",
+            "W/m²", "level")
+
+
+def add_verb(verbs: Any) -> None:
+    """Add the verb to the command line's parser."""
+    parser = verbs.add_parser("sky", help="print Sun, planet and eclipse over a site at a date, without a render")
+    add_scene_options(parser)
+    parser.add_argument("--body", help="light.body: ENCELADUS, EUROPA, or any that the kernels cover")
+    parser.add_argument("--latitude", type=float, metavar="DEG", help="light.latitude_deg, north")
+    parser.add_argument("--longitude", type=float, metavar="DEG", help="light.longitude_deg, east")
+    parser.add_argument("--date", help="light.date_utc, such as 2035-03-01T12:00:00")
+    parser.add_argument("--kernels", help="light.kernels: a SPICE meta-kernel or a folder, in place of own elements")
+    parser.add_argument("--hours", type=float, default=0.0, help="a table from the date to so many hours after it")
+    parser.add_argument("--every", type=float, default=1.0, metavar="HOURS",
+                        help="hours between its rows (%(default)s)")
+    parser.add_argument("--json", action="store_true", help="print facts as JSON, a line for each date")
+    parser.set_defaults(run=_run_sky)
+
+
+def _run_sky(options: argparse.Namespace) -> int:
+    by_date = bool(options.date or options.kernels)
+    stated = {"body": options.body, "latitude_deg": options.latitude, "longitude_deg": options.longitude,
+              "date_utc": options.date, "kernels": options.kernels,
+              "directions_from": "KERNELS" if options.kernels else "DATE" if options.date else None,
+              "planet": True if by_date else None}
+    settings = merged(read_settings(options), check(
+        {"light": {key: value for key, value in stated.items() if value is not None}}, "sky"))
+    if options.body is None:
+        check_body(settings)
+    rows = []
+    for date in _dates(settings.light.date_utc, settings.light.directions_from, options.hours, options.every):
+        light = merged(settings, {"light": {"date_utc": date}}).light
+        dated = light.directions_from != "ANGLES"
+        facts = sky_facts(sky(light))
+        if options.json:
+            emit_json({"date_utc": date if dated else None, "body": light.body, **facts})
+        rows.append(_row(date.replace("T", " ").removesuffix(":00") if dated else "by angles", facts))
+    if not options.json:
+        print_table(_COLUMNS, rows, narrowest=_WIDTH)
+        where = f"{light.body.title()}, {light.latitude_deg:g}° N, {light.longitude_deg:g}° E, by " + (
+            "SPICE kernels. " if light.directions_from == "KERNELS" else "mean orbits. ") if dated else ""
+        say(f"{where}W/m² are on a surface that faces the light, and on level ground. Hidden is the share of the Sun's "
+            "disc behind the planet.")
+    return 0
+
+
+def _dates(first: str, source: str, hours: float, every: float) -> list[str]:
+    """The dates of the rows. Raises IcyMoonError for steps that are none."""
+    if hours == 0:
+        return [first]
+    if source == "ANGLES":
+        raise IcyMoonError("--hours needs a date; give --date, or set light.directions_from to DATE.")
+    if not (0 < hours < np.inf and 0 < every < np.inf) or hours / every > _MOST_ROWS:
+        raise IcyMoonError(f"--hours is {hours:g} and --every {every:g}; give numbers above 0 that make at most "
+                           f"{_MOST_ROWS} rows.")
+    start = parse_date(first).astype("datetime64[s]")
+    steps = np.arange(0.0, hours + every / 1e6, every)
+    return [str(start + np.timedelta64(round(3600 * step), "s")) for step in steps]
+
+
+def _row(date: str, facts: dict[str, Any]) -> tuple[str, ...]:
+    sun, planet = facts["sun"], facts["planet"]
+    cells = [date, f"{sun['elevation_deg']:.2f}", f"{sun['azimuth_deg']:.2f}", f"{sun['irradiance_wm2']:.3f}",
+             f"{sun['ground_irradiance_wm2']:.3f}", f"{100 * sun['eclipse']:.0f}"]
+    if planet is None:
+        return (*cells, *["–"] * 6)
+    return (*cells, f"{planet['elevation_deg']:.2f}", f"{planet['azimuth_deg']:.2f}",
+            f"{planet['angular_diameter_deg']:.2f}", f"{planet['phase_deg']:.1f}", f"{planet['irradiance_wm2']:.4f}",
+            f"{planet['ground_irradiance_wm2']:.4f}")

@@ -1,0 +1,62 @@
+"""The sky over a site is printed as a render has it, and no wrong input gives a traceback."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from icymoon.commands.cli import main
+from icymoon.physics.light.sky import sky, sky_facts
+from icymoon.settings.description import defaults, merged
+
+PLACE = ["--body", "EUROPA", "--latitude", "10", "--longitude", "331", "--date", "2035-03-01T12:00"]
+
+
+def facts(capsys, *words) -> list[dict]:
+    assert main(["sky", *words, "--json"]) == 0
+    return [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+
+
+def test_it_is_the_sky_of_the_settings(capsys):
+    (found,) = facts(capsys, *PLACE)
+    light = merged(defaults(), {"light": {
+        "directions_from": "DATE", "body": "EUROPA", "latitude_deg": 10.0, "longitude_deg": 331.0,
+        "date_utc": "2035-03-01T12:00", "planet": True}}).light
+    expected = sky_facts(sky(light))
+    for name in ("sun", "planet"):
+        for key, value in expected[name].items():
+            assert found[name][key] == pytest.approx(value), (name, key)
+
+
+def test_a_table_goes_on_through_an_eclipse(capsys):
+    """Jupiter hides the Sun once in a turn of 85.2 h over a site that faces it."""
+    rows = facts(capsys, *PLACE, "--hours", "86", "--every", "0.5")
+    assert len(rows) == 173
+    assert (rows[0]["date_utc"], rows[-1]["date_utc"]) == ("2035-03-01T12:00:00", "2035-03-05T02:00:00")
+    hidden = [row["sun"]["eclipse"] for row in rows]
+    assert max(hidden) == 1
+    assert 2 <= sum(share > 0 for share in hidden) <= 10  # hours of the shadow
+    assert all(row["sun"]["ground_irradiance_wm2"] == 0 for row in rows if row["sun"]["eclipse"] == 1)
+
+
+def test_presets_and_angles_do_too(capsys):
+    assert main(["sky", "--preset", "enceladus_fresh_snow"]) == 0
+    assert "by angles" in capsys.readouterr().out
+    (found,) = facts(capsys, "--set", "light.sun_elevation_deg=33")
+    assert found["sun"]["elevation_deg"] == pytest.approx(33)
+    assert found["date_utc"] is None
+
+
+@pytest.mark.parametrize(("words", "text"), [
+    (["--body", "EUROPA", "--date", "soon"], "write it as 2035-03-01T12:00:00"),
+    (["--body", "EUROPA", "--date", "soon", "--hours", "3"], "write it as 2035-03-01T12:00:00"),
+    (["--body", "MARS", "--date", "2035-03-01"], "light.body is 'MARS'"),
+    ([*PLACE, "--hours", "nan"], "give numbers above 0"), ([*PLACE, "--hours", "1e9"], "at most 1000 rows"),
+    ([*PLACE, "--hours", "5", "--every", "0"], "give numbers above 0"), (["--hours", "3"], "give --date"),
+    ([*PLACE, "--latitude", "95"], "latitude_deg is 95"),
+    ([*PLACE, "--kernels", "/nowhere"], "/nowhere")])
+def test_wrong_input_is_a_sentence(capsys, words, text):
+    assert main(["sky", *words]) == 1
+    shown = capsys.readouterr().err
+    assert text in shown
+    assert len(shown.splitlines()) == 1
