@@ -27,7 +27,7 @@ from ..support import printer
 from ..terminal import Parser, as_path, run_verb, show_counted_progress, show_progress
 from ..typed_settings import Settings
 from ..version import version
-from . import batch, camera, check_plugin, plan, sky, stand_ins, validate
+from . import batch, camera, check, check_plugin, plan, sky, stand_ins, validate
 from .scene_options import add_scene_options, read_settings
 
 if TYPE_CHECKING:
@@ -122,6 +122,7 @@ def _make_parser() -> argparse.ArgumentParser:
 
     camera.add_verb(verbs)
     sky.add_verb(verbs)
+    check.add_verb(verbs)
     plan.add_verbs(verbs)
     batch.add_verbs(verbs)
     stand_ins.add_verbs(verbs)

@@ -1,0 +1,95 @@
+"""The verb ``check``: whether Blender, OpenEXR and OpenCV work together here, by a small pair whose truth is known.
+
+A level plane of Lambert's law is rendered and measured. Its depth is that of a plane, its light follows from Lambert's
+law, and a matcher finds its disparity.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..physics.light.directions import camera_axes
+from ..render.workers.job import Job, render_job
+from ..scratch import scratch_folder
+from ..settings.description import check, defaults, merged
+from ..support.printer import say
+from ..terminal import show_progress
+from ..typed_settings import Parts
+
+#: Level ground with patches of 8 cm that are up to a quarter darker, seen from 1.5 m by a small camera.
+_ALBEDO, _DARKER = 0.7, 0.25
+_SCENE: Parts = {
+    "terrain": {"rms_slope_deg": 0.0, "size_m": 20.0, "resolution": 33}, "mesh": {"kind": "GRID"},
+    "surface": {"model": "LAMBERT", "grain_amplitude_m": 0.0, "albedo": _ALBEDO, "albedo_variation": _DARKER,
+                "albedo_patch_m": 0.08},
+    "light": {"sun_elevation_deg": 35.0, "planet": False}, "rocks": {"coverage": 0.0},
+    "rig": {"width_px": 96, "height_px": 72, "height_m": 1.5, "pitch_deg": 50.0, "baseline_m": 0.25},
+    "quality": {"samples": 16, "diffuse_bounces": 0, "denoiser": "NONE"}}
+#: What a right installation keeps below: relative error of depth, a rounding of single precision; of the mean light,
+#: noise of samples and of the texture's mean; and the median error of SGBM in px on a texture that it can match.
+_MOST = {"depth": 1e-4, "light": 0.03, "sgbm": 0.3}
+
+
+def add_verb(verbs: Any) -> None:
+    """Add the verb to the command line's parser."""
+    parser = verbs.add_parser("check", help="render and measure a small pair whose truth is known: does all work?")
+    parser.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
+    parser.set_defaults(run=_run_check)
+
+
+def _run_check(options: argparse.Namespace) -> int:
+    before, start = _processor_s(), time.perf_counter()
+    with scratch_folder() as folder:
+        job = Job(folder / "check", merged(defaults(), check(_SCENE, "check")))
+        with show_progress("Starting Blender") as show:
+            (pair,) = render_job(job, options.blender, show)
+        faults = list(_measure(pair, folder / "evaluation"))
+    if faults:
+        raise IcyMoonError(f"The installation is not right: {'; '.join(faults)}. Run icymoon doctor, and report this "
+                           "with what it prints.")
+    say(f"The installation is right. This took {_processor_s() - before:.0f} s of processor time, "
+        f"{time.perf_counter() - start:.0f} s in all.")
+    return 0
+
+
+def _processor_s() -> float:
+    """Processor seconds of this process and of those that it started and that have ended; not of these on Windows."""
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system
+
+
+def _measure(folder: Path, out: Path) -> Iterator[str]:
+    """Print each comparison of a rendered pair with what is known, and give those that fail, as clauses."""
+    from ..library.evaluation import evaluate
+    from ..render.pairs.pair_folder import read_pair
+    from ..stereo.images.exr import read_view
+
+    pair = read_pair(folder)
+    view, camera = read_view(pair.image("left")), pair.camera
+    row = (np.arange(camera.height_px) + 0.5 - camera.cy_px) / camera.focal_px
+    fall = -(camera_axes(0.0, pair.settings.rig.pitch_deg)[2, 1:] @ np.stack([row, np.ones_like(row)]))
+    known = fall > math.tan(math.radians(15.0))  # of the plane, not of what is behind it
+    plane = pair.settings.rig.height_m / fall[known]
+    lit = pair.sun.ground_irradiance_wm2 if pair.sun else math.nan
+    light = math.pi * float(view.radiance[known].mean()) / (lit * _ALBEDO * (1 - _DARKER / 2))
+    measured = evaluate(folder, ["sgbm"], out).summary["sgbm"]
+    found: dict[str, tuple[str, float, Callable[[float], str]]] = {
+        "depth": ("largest relative error of the depth of a plane", float(np.abs(
+            view.depth[known] / plane[:, None] - 1).max()), lambda value: f"{value:.1e}"),
+        "light": ("error of the mean light under Lambert's law", abs(light - 1), lambda value: f"{100 * value:.1f} %"),
+        "sgbm": ("mean error of the disparity by SGBM", float(measured["epe_px"] or math.nan),
+                 lambda value: f"{value:.3f} px")}
+    for key, (text, value, show) in found.items():
+        say(f"{text[0].upper()}{text[1:]}: {show(value)} (at most {show(_MOST[key])})")
+        if not value <= _MOST[key]:
+            yield f"the {text} is {show(value)}, above {show(_MOST[key])}"
