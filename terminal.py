@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import argparse
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from .errors import IcyMoonError
 from .files import parse_path, shorten
 from .support import printer
 from .system import is_broken_pipe
 
+if TYPE_CHECKING:
+    from rich.console import Console
+
+#: Seconds between lines of progress where there is no terminal.
+_LINE_S = 15.0
 
 class Parser(argparse.ArgumentParser):
     """A parser of a command line, whose messages are printed as all others are."""
@@ -77,6 +83,27 @@ def report_end(error: BaseException, program: str, stopped: str) -> int:
 
 
 @contextmanager
+def _lines_without_terminal(console: Console, describe: Callable[[], str]) -> Iterator[None]:
+    """Where there is no terminal, and so no bar, print how far the work is every ``_LINE_S``."""
+    if console.is_terminal:
+        yield
+        return
+    ended = threading.Event()
+
+    def tick() -> None:
+        while not ended.wait(_LINE_S):
+            printer.print_line(console, describe())
+
+    ticking = threading.Thread(target=tick, daemon=True)
+    ticking.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        ticking.join()
+
+
+@contextmanager
 def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
     """Show a progress bar of renders; gives the function that takes the messages of a worker or a runner.
 
@@ -89,6 +116,7 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
                   TextColumn("{task.percentage:>3.0f} %", markup=False), TimeElapsedColumn(), TimeRemainingColumn(),
                   console=console, transient=False) as bar:
         task = bar.add_task(printer.show_controls(title), total=1.0)
+        shown = bar.tasks[0]
 
         def show(message: dict[str, Any]) -> None:
             kind = message["type"]
@@ -104,7 +132,8 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
             elif kind == "done":
                 bar.update(task, completed=1.0)
 
-        yield show
+        with _lines_without_terminal(console, lambda: f"{shown.description}: {shown.percentage:.0f} %"):
+            yield show
 
 
 @contextmanager
@@ -121,8 +150,8 @@ def show_count(title: str) -> Iterator[Callable[[int, int], None]]:
 def show_counted_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
     """Show a bar on standard error that counts what is done; gives the function that takes the events.
 
-    Standard output stays free for results. Where standard error is no terminal there is no bar, but warnings and
-    errors are printed all the same.
+    Standard output stays free for results. Where standard error is no terminal there is no bar, but a line every
+    ``_LINE_S``, and warnings and errors are printed all the same.
     """
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -130,6 +159,7 @@ def show_counted_progress(title: str) -> Iterator[Callable[[dict[str, Any]], Non
     console = printer.make_console(to_error=True)
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(printer.show_controls(title))
+        shown = progress.tasks[0]
 
         def show(event: dict[str, Any]) -> None:
             if event["type"] == "progress":
@@ -138,4 +168,5 @@ def show_counted_progress(title: str) -> Iterator[Callable[[dict[str, Any]], Non
             else:
                 printer.print_line(console, event["message"])
 
-        yield show
+        with _lines_without_terminal(console, lambda: f"{title}: {shown.completed:.0f} of {shown.total or 0:.0f}"):
+            yield show
