@@ -24,12 +24,13 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
-from typing import IO, Any, TypeVar
-
-import numpy as np
+from typing import IO, TYPE_CHECKING, Any, TypeVar
 
 from .. import system
 from ..errors import IcyMoonError
+
+if TYPE_CHECKING:
+    import numpy as np
 
 Parsed = TypeVar("Parsed")
 #: Default limits of one reading: bytes of the file, and bytes that its content may take in memory.
@@ -131,6 +132,8 @@ class Cursor:
 
     def numbers(self, kind: Any, count: int, what: str = "numbers") -> np.ndarray:
         """The next ``count`` values of a numpy type, as a read-only array without a copy of the bytes."""
+        import numpy as np  # here only: what a bare Python lacks is reported by modules that import this one
+
         dtype = np.dtype(kind)
         if dtype.hasobject:
             raise ValueError(f"{what} of type {dtype}")
@@ -350,6 +353,8 @@ def parse_npy(foreign: ForeignBytes, kinds: str = "fiub") -> np.ndarray:
 
 
 def _read_array(cursor: Cursor, kinds: str) -> np.ndarray:
+    import numpy as np
+
     if cursor.take(6) != b"\x93NUMPY":
         raise ValueError("it does not begin as an array")
     major, _ = cursor.unpack("<2B")

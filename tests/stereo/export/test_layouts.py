@@ -260,7 +260,7 @@ def test_a_broken_pair_is_reported_and_the_others_are_written(tmp_path):
     failed = export([tmp_path / "set"], "coco", tmp_path / "out", on_event=events.append)
     assert len(failed) == 1
     assert "left.exr" in failed[0]
-    assert [event["type"] for event in events] == ["progress", "error"]
+    assert [event["type"] for event in events] == ["error", "progress"]
     assert len(json.loads((tmp_path / "out" / "annotations.json").read_text())["images"]) == 2
     checks = list(write_truth([tmp_path / "set"], tmp_path / "truth"))
     assert [found["ok"] for found in checks] == [False, True]
