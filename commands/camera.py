@@ -1,15 +1,17 @@
-"""The verb ``camera``: the rig of two camera models, as settings."""
+"""The verb ``camera``: the rig of two calibrated cameras, as settings."""
 
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..formats.cahvor import FIT_LIMIT_PX, Cahvor, nearest_lens, read_model
+from ..formats.cahvor import FIT_LIMIT_PX, Lens, nearest_lens, read_model
+from ..formats.ros_camera import read_ros_camera
 from ..physics.camera.lens_distortion import COEFFICIENTS
 from ..settings.description import check, defaults
 from ..settings.toml_text import to_toml
@@ -19,59 +21,126 @@ from ..typed_settings import Settings
 
 #: How far two eyes may be from parallel, rad, and from side by side, as a share of the baseline.
 _PARALLEL_RAD, _ASIDE = 1e-4, 1e-3
-#: How far two eyes may differ in focal length, principal point and distortion, px over the image.
-_ALIKE_PX = 0.5
+#: How far two eyes may differ in focal length, principal point and distortion, px over the image, to be alike; and as
+#: shares of the focal length and of the width, to be taken for one lens, their mean.
+_ALIKE_PX, _MOST_FOCAL, _MOST_CENTRE = 0.5, 0.05, 0.05
+#: Files of ROS by their suffix; all others are camera models of JPL.
+_ROS = (".yaml", ".yml")
+
+
+@dataclass(frozen=True)
+class _Eye:
+    """A camera: its lens, the rotation (3, 3) from world axes into its own, its place (3,) in metres, its image."""
+
+    lens: Lens
+    rotation: np.ndarray
+    centre_m: np.ndarray
+    size_px: tuple[int, int]
 
 
 def add_verb(verbs: Any) -> None:
     """Add the verb to the command line's parser."""
-    camera = verbs.add_parser("camera", help="print the rig of two camera models (CAHV, CAHVOR, CAHVORE) as settings")
-    camera.add_argument("left", type=as_path, help="model of the left camera: a .cahvor file or a PDS3 label")
-    camera.add_argument("right", type=as_path, help="model of the right camera")
+    camera = verbs.add_parser("camera", help="print the rig of two calibrated cameras as settings (CAHV, CAHVOR, "
+                              "CAHVORE, or YAML of ROS)")
+    camera.add_argument("left", type=as_path, help="the left camera: a .cahvor file, a PDS3 label, or ROS' YAML")
+    camera.add_argument("right", type=as_path, help="the right camera")
     camera.add_argument("--most-px", type=float, default=FIT_LIMIT_PX, metavar="PX",
                         help="largest error of a lens that can only be fitted (%(default)s)")
     camera.set_defaults(run=_run_camera)
 
 
 def _run_camera(options: argparse.Namespace) -> int:
-    settings, residual = read_rig(options.left, options.right, options.most_px)
-    if residual:
-        say(f"# the lens is fitted, off by up to {residual:.2g} px")
+    settings, notes = read_rig(options.left, options.right, options.most_px)
+    for note in notes:
+        say(f"# {note}")
     say(to_toml(settings).removesuffix("\n"))
     return 0
 
 
-def read_rig(left: Path, right: Path, most_px: float = FIT_LIMIT_PX) -> tuple[Settings, float]:
-    """The ``rig`` settings of two camera models, and the largest error in px of the lens that stands for theirs.
+def read_rig(left: Path, right: Path, most_px: float = FIT_LIMIT_PX) -> tuple[Settings, list[str]]:
+    """The ``rig`` settings of two calibrated cameras, and sentences on what was fitted or averaged.
 
-    The width of the sensor is that of the defaults, since a model states lengths in pixels only. Raises IcyMoonError if
-    the eyes are not parallel, side by side and alike, or if the lens is off by more than ``most_px``.
+    The width of the sensor is that of the defaults, since a calibration states lengths in pixels only. Both eyes of a
+    rig here have one lens; that of two cameras that differ is their mean. Raises IcyMoonError if the eyes are not
+    parallel and side by side, if they differ by more than a twentieth, or if the lens is off by more than ``most_px``.
     """
-    models = read_model(left), read_model(right)
-    first, second = (nearest_lens(model, most_px) for model in models)
-    _check_parallel(*models, f"{left} and {right}")
-    size = models[0].width_px, models[0].height_px
-    differ = np.abs([first.focal_px - second.focal_px, first.cx_px - second.cx_px, first.cy_px - second.cy_px])
-    bent = np.abs(np.subtract(first.k, second.k)).max() * first.focal_px
-    if size != (models[1].width_px, models[1].height_px) or max(differ.max(), bent) > _ALIKE_PX:
-        raise IcyMoonError(f"{left} and {right} are cameras that differ by more than {_ALIKE_PX:g} px, and both eyes "
-                           "of a rig here are alike; rectify their images first.")
+    where = f"{left} and {right}"
+    if (left.suffix.lower() in _ROS) != (right.suffix.lower() in _ROS):
+        raise IcyMoonError(f"{where} are calibrations of two kinds; give two of one kind.")
+    if left.suffix.lower() in _ROS:
+        first, second = _read_ros_eyes(left, right)
+    else:
+        first, second = _read_eye(left, most_px), _read_eye(right, most_px)
+    width, height = first.size_px
+    if first.size_px != second.size_px:
+        sizes = " and ".join(f"{eye.size_px[0]} x {eye.size_px[1]} px" for eye in (first, second))
+        raise IcyMoonError(f"{where} have images of {sizes}, and both eyes of a rig here have one size; rectify their "
+                           "images first.")
+    _check_parallel(first, second, where)
+    lens, averaged = _mean_lens(first.lens, second.lens, width, where)
     width_mm = defaults().rig.sensor_width_mm
-    rig = {"width_px": size[0], "height_px": size[1], "sensor_width_mm": width_mm,
-           "focal_length_mm": first.focal_px / size[0] * width_mm,
+    rig = {"width_px": width, "height_px": height, "sensor_width_mm": width_mm,
+           "focal_length_mm": lens.focal_px / width * width_mm,
            # Rounding of the model's vectors leaves 1e-14 px where the middle is meant; adding 0 makes -0 plain.
-           "principal_x_px": round(first.cx_px + 0.5 - size[0] / 2, 9) + 0.0,
-           "principal_y_px": round(first.cy_px + 0.5 - size[1] / 2, 9) + 0.0,
-           "baseline_m": float(np.linalg.norm(models[1].c - models[0].c)),
-           **{f"distortion_{name}": value for name, value in zip(COEFFICIENTS, first.k, strict=True)}}
-    return check({"rig": rig}, f"{left} and {right}"), max(first.residual_px, second.residual_px)
+           "principal_x_px": round(lens.cx_px + 0.5 - width / 2, 9) + 0.0,
+           "principal_y_px": round(lens.cy_px + 0.5 - height / 2, 9) + 0.0,
+           "baseline_m": float(np.linalg.norm(second.centre_m - first.centre_m)),
+           **{f"distortion_{name}": value for name, value in zip(COEFFICIENTS, lens.k, strict=True)}}
+    fitted = [f"The lens is fitted, off by up to {lens.residual_px:.2g} px."] if lens.residual_px else []
+    return check({"rig": rig}, where), [*fitted, *averaged]
 
 
-def _check_parallel(left: Cahvor, right: Cahvor, where: str) -> None:
+def _read_eye(path: Path, most_px: float) -> _Eye:
+    model = read_model(path)
+    return _Eye(nearest_lens(model, most_px), model.pinhole()[1], model.c, (model.width_px, model.height_px))
+
+
+def _read_ros_eyes(left: Path, right: Path) -> tuple[_Eye, _Eye]:
+    """Two cameras in the axes of the rectified left one."""
+    eyes = []
+    for path in (left, right):
+        found = read_ros_camera(path)
+        fx, fy = found.matrix[0, 0], found.matrix[1, 1]
+        if not (fx > 0 and fy > 0 and abs(fx / fy - 1) < 1e-3 and found.matrix[0, 1] == 0):
+            raise IcyMoonError(f"{path}: its pixels are no squares (fx {fx:g}, fy {fy:g} px), which Icy Moon's cameras "
+                               "cannot be; rectify its images first.")
+        if not found.projection[0, 0] > 0:
+            raise IcyMoonError(f"{path}: projection_matrix has no focal length; calibrate both eyes as a stereo pair.")
+        lens = Lens((fx + fy) / 2, found.matrix[0, 2], found.matrix[1, 2], found.k, 0.0)
+        place = np.array([-found.projection[0, 3] / found.projection[0, 0], 0.0, 0.0])
+        eyes.append(_Eye(lens, found.rectification.T, place, (found.width_px, found.height_px)))
+    if not eyes[1].centre_m[0] > eyes[0].centre_m[0]:
+        raise IcyMoonError(f"{right}: projection_matrix states no baseline (-f B, its fourth number); calibrate both "
+                           "eyes as a stereo pair, and give the left one first.")
+    return eyes[0], eyes[1]
+
+
+def _mean_lens(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens, list[str]]:
+    """The lens that stands for two, and a sentence if they differ by more than ``_ALIKE_PX``.
+
+    Raises IcyMoonError if they differ so much that their mean is no lens of either.
+    """
+    centre = float(np.abs([left.cx_px - right.cx_px, left.cy_px - right.cy_px]).max())
+    focal = abs(left.focal_px - right.focal_px)
+    bent = float(np.abs(np.subtract(left.k, right.k)).max() * left.focal_px)
+    if focal > _MOST_FOCAL * left.focal_px or centre > _MOST_CENTRE * width_px or bent > _MOST_FOCAL * left.focal_px:
+        raise IcyMoonError(f"{where} differ by {focal:.3g} px in focal length, {centre:.3g} px in principal point and "
+                           f"{bent:.3g} px in distortion, and both eyes of a rig here have one lens; rectify their "
+                           "images first.")
+    if max(focal, centre, bent) <= _ALIKE_PX:
+        return left if left.residual_px >= right.residual_px else right, []
+    mean = Lens((left.focal_px + right.focal_px) / 2, (left.cx_px + right.cx_px) / 2, (left.cy_px + right.cy_px) / 2,
+                tuple(map(float, np.mean([left.k, right.k], axis=0))), max(left.residual_px, right.residual_px))
+    return mean, [f"Both eyes have the mean of two lenses: focal lengths of {left.focal_px:.2f} and "
+                  f"{right.focal_px:.2f} px, principal points at ({left.cx_px:.2f}, {left.cy_px:.2f}) and "
+                  f"({right.cx_px:.2f}, {right.cy_px:.2f}) px, distortion that differs by up to {bent:.2g} px."]
+
+
+def _check_parallel(left: _Eye, right: _Eye, where: str) -> None:
     """Raise IcyMoonError unless the right eye stands on the x axis of the left one, and looks where it looks."""
-    (_, first), (_, second) = left.pinhole(), right.pinhole()
+    first, second = left.rotation, right.rotation
     turned = float(np.arccos(np.clip(((first @ second.T).trace() - 1) / 2, -1, 1)))
-    along = first @ (right.c - left.c)
+    along = first @ (right.centre_m - left.centre_m)
     if turned > _PARALLEL_RAD:
         raise IcyMoonError(f"{where}: the eyes are turned against each other by {np.degrees(turned):.3g} degrees; "
                            "rectify their images first.")

@@ -70,9 +70,10 @@ def _processor_s() -> float:
 
 def _measure(folder: Path, out: Path) -> Iterator[str]:
     """Print each comparison of a rendered pair with what is known, and give those that fail, as clauses."""
-    from ..library.evaluation import evaluate
     from ..render.pairs.pair_folder import read_pair
+    from ..stereo.evaluate import evaluate
     from ..stereo.images.exr import read_view
+    from ..stereo.matchers.methods import parse_methods
 
     pair = read_pair(folder)
     view, camera = read_view(pair.image("left")), pair.camera
@@ -82,12 +83,12 @@ def _measure(folder: Path, out: Path) -> Iterator[str]:
     plane = pair.settings.rig.height_m / fall[known]
     lit = pair.sun.ground_irradiance_wm2 if pair.sun else math.nan
     light = math.pi * float(view.radiance[known].mean()) / (lit * _ALBEDO * (1 - _DARKER / 2))
-    measured = evaluate(folder, ["sgbm"], out).summary["sgbm"]
+    (row_of_sgbm,) = evaluate([folder], parse_methods("sgbm"), out)["rows"]
     found: dict[str, tuple[str, float, Callable[[float], str]]] = {
         "depth": ("largest relative error of the depth of a plane", float(np.abs(
             view.depth[known] / plane[:, None] - 1).max()), lambda value: f"{value:.1e}"),
         "light": ("error of the mean light under Lambert's law", abs(light - 1), lambda value: f"{100 * value:.1f} %"),
-        "sgbm": ("mean error of the disparity by SGBM", float(measured["epe_px"] or math.nan),
+        "sgbm": ("mean error of the disparity by SGBM", float(row_of_sgbm.get("epe_px") or math.nan),
                  lambda value: f"{value:.3f} px")}
     for key, (text, value, show) in found.items():
         say(f"{text[0].upper()}{text[1:]}: {show(value)} (at most {show(_MOST[key])})")
