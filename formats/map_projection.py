@@ -1,0 +1,249 @@
+"""From the coordinates of a map to the ground: how long a metre of the map is at a place, and where north is there.
+
+A map's metre is a metre of ground only where its projection is true to scale: a Mercator map at 60° is twice too wide.
+Projections are those of a sphere (Snyder, "Map Projections: A Working Manual", USGS Professional Paper 1395, 1987); on
+an ellipsoid such as Earth's that is right to the flattening, 0.3 % in latitude and scale. Numbers of keys: GeoTIFF 1.1
+(OGC 19-008r4); parameters of systems that a file states by number: the EPSG registry (epsg.org).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+#: Step in metres over which scale is measured.
+_STEP_M = 1.0
+#: Mean radius of Earth, and the radius of the sphere of web maps.
+_EARTH_M, _WEB_M = 6371008.8, 6378137.0
+_PROJECTED_KEY, _METHOD_KEY, _USER_DEFINED = 3072, 3075, 32767
+_SEMI_MAJOR_KEY, _SEMI_MINOR_KEY = 2057, 2058
+
+
+@dataclass(frozen=True)
+class MapSystem:
+    """The projection of a map. Angles in degrees, lengths in metres.
+
+    ``kind`` is a key of ``INVERSES``. ``scale`` is that at the origin, ``parallel_deg`` and ``second_deg`` are the
+    parallels true to scale. ``name`` is for sentences.
+    """
+
+    kind: str
+    name: str
+    radius_m: float
+    longitude_deg: float = 0.0
+    latitude_deg: float = 0.0
+    parallel_deg: float = 0.0
+    second_deg: float = 0.0
+    scale: float = 1.0
+    east_m: float = 0.0
+    north_m: float = 0.0
+
+    def to_sphere(self, x_m: float, y_m: float) -> tuple[float, float]:
+        """Longitude and latitude in degrees of a place on the map. Raises ValueError beyond the map's edge."""
+        longitude, latitude = INVERSES[self.kind](self, (x_m - self.east_m) / self.radius_m,
+                                                  (y_m - self.north_m) / self.radius_m)
+        turned = math.degrees(longitude) + self.longitude_deg
+        return (turned + 180.0) % 360.0 - 180.0, math.degrees(latitude)
+
+
+@dataclass(frozen=True)
+class LocalScale:
+    """The ground at a place of a map: metres of ground per metre of map, along the map's x and y; the angle in degrees,
+    clockwise, from the map's y to north; and how far from a right angle the two directions are."""
+
+    east: float
+    north: float
+    north_deg: float
+    skew_deg: float
+    longitude_deg: float
+    latitude_deg: float
+
+
+def local_scale(system: MapSystem, x_m: float, y_m: float) -> LocalScale:
+    """The scale of a map at a place, in its coordinates in metres. Raises ValueError beyond the map's edge."""
+    longitude, latitude = system.to_sphere(x_m, y_m)
+    east, north, _ = _axes(longitude, latitude)
+    half = _STEP_M / 2
+
+    def step(dx: float, dy: float) -> tuple[float, float]:
+        """Metres east and north on the ground per metre along a direction of the map."""
+        ends = [_axes(*system.to_sphere(x_m + side * dx, y_m + side * dy))[2] for side in (-half, half)]
+        moved = [system.radius_m * (b - a) / _STEP_M for a, b in zip(*ends, strict=True)]
+        return _dot(moved, east), _dot(moved, north)
+
+    along_x, along_y = step(1.0, 0.0), step(0.0, 1.0)
+    across = math.degrees(math.atan2(along_y[0], along_y[1]))  # of the map's y, from north over east
+    aside = math.degrees(math.atan2(along_x[0], along_x[1]))
+    return LocalScale(math.hypot(*along_x), math.hypot(*along_y), -across,
+                      (aside - across - 90.0 + 180.0) % 360.0 - 180.0, longitude, latitude)
+
+
+def _dot(a: Sequence[float], b: Sequence[float]) -> float:
+    return sum(x * y for x, y in zip(a, b, strict=True))
+
+
+def _axes(longitude_deg: float, latitude_deg: float) -> tuple[list[float], list[float], list[float]]:
+    """Unit vectors east, north and up at a place, in the axes of the body."""
+    u, v = math.radians(longitude_deg), math.radians(latitude_deg)
+    return ([-math.sin(u), math.cos(u), 0.0], [-math.sin(v) * math.cos(u), -math.sin(v) * math.sin(u), math.cos(v)],
+            [math.cos(v) * math.cos(u), math.cos(v) * math.sin(u), math.sin(v)])
+
+
+def _mercator(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+    k = s.scale * math.cos(math.radians(s.parallel_deg))
+    return x / k, 2 * math.atan(math.exp(y / k)) - math.pi / 2
+
+
+def _equirectangular(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+    latitude = y + math.radians(s.latitude_deg)
+    return x / math.cos(math.radians(s.parallel_deg)), _checked_latitude(latitude)
+
+
+def _sinusoidal(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+    latitude = _checked_latitude(y)
+    return x / math.cos(latitude), latitude
+
+
+def _polar_stereographic(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+    pole = 1.0 if s.latitude_deg >= 0 else -1.0
+    k = s.scale * (1 + math.sin(math.radians(abs(s.parallel_deg)))) / 2
+    latitude = pole * (math.pi / 2 - 2 * math.atan(math.hypot(x, y) / (2 * k)))
+    return math.atan2(x, -pole * y), latitude
+
+
+def _transverse_mercator(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+    x, d = x / s.scale, y / s.scale + math.radians(s.latitude_deg)
+    return math.atan2(math.sinh(x), math.cos(d)), math.asin(math.sin(d) / math.cosh(x))
+
+
+def _azimuthal(angle: Callable[[MapSystem, float], float]) -> Callable[[MapSystem, float, float], tuple[float, float]]:
+    """The inverse of a projection about a point, from the angle on the sphere of a distance on the map."""
+    def inverse(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+        rho, origin = math.hypot(x, y), math.radians(s.latitude_deg)
+        if rho == 0:
+            return 0.0, origin
+        c = angle(s, rho)
+        latitude = math.asin(max(-1.0, min(1.0, math.cos(c) * math.sin(origin)
+                                           + y * math.sin(c) * math.cos(origin) / rho)))
+        return math.atan2(x * math.sin(c), rho * math.cos(origin) * math.cos(c)
+                          - y * math.sin(origin) * math.sin(c)), latitude
+    return inverse
+
+
+def _conic_conformal(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+    first, second = math.radians(s.parallel_deg), math.radians(s.second_deg)
+
+    def tangent(latitude: float) -> float:
+        return math.tan(math.pi / 4 + latitude / 2)
+
+    n = math.sin(first) if abs(first - second) < 1e-9 else (
+        math.log(math.cos(first) / math.cos(second)) / math.log(tangent(second) / tangent(first)))
+    f = s.scale * math.cos(first) * tangent(first) ** n / n
+    rho0 = f / tangent(math.radians(s.latitude_deg)) ** n
+    rho = math.copysign(math.hypot(x, rho0 - y), n)
+    sign = math.copysign(1.0, n)
+    return math.atan2(sign * x, sign * (rho0 - y)) / n, 2 * math.atan((f / rho) ** (1 / n)) - math.pi / 2
+
+
+def _conic_equal_area(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+    first, second = math.radians(s.parallel_deg), math.radians(s.second_deg)
+    n = (math.sin(first) + math.sin(second)) / 2
+    c = math.cos(first) ** 2 + 2 * n * math.sin(first)
+    rho0 = math.sqrt(c - 2 * n * math.sin(math.radians(s.latitude_deg))) / n
+    sign = math.copysign(1.0, n)
+    rho = math.hypot(x, rho0 - y)
+    return math.atan2(sign * x, sign * (rho0 - y)) / n, math.asin((c - (rho * n) ** 2) / (2 * n))
+
+
+def _checked_latitude(latitude: float) -> float:
+    if not abs(latitude) <= math.pi / 2 + 1e-9:
+        raise ValueError("beyond a pole")
+    return latitude
+
+
+#: From a place on the map, in radii of the sphere, to longitude from the central one and latitude, in radians.
+INVERSES: dict[str, Callable[[MapSystem, float, float], tuple[float, float]]] = {
+    "Mercator": _mercator, "Equidistant cylindrical": _equirectangular, "Sinusoidal": _sinusoidal,
+    "Polar stereographic": _polar_stereographic, "Transverse Mercator": _transverse_mercator,
+    "Lambert conformal conic": _conic_conformal, "Albers equal area": _conic_equal_area,
+    "Stereographic": _azimuthal(lambda s, rho: 2 * math.atan(rho / (2 * s.scale))),
+    "Lambert azimuthal equal area": _azimuthal(lambda s, rho: 2 * math.asin(rho / 2)),
+    "Azimuthal equidistant": _azimuthal(lambda s, rho: rho), "Orthographic": _azimuthal(lambda s, rho: math.asin(rho))}
+#: Projections by the number of their method (GeoTIFF, section C.4.2).
+_METHODS = {1: "Transverse Mercator", 7: "Mercator", 8: "Lambert conformal conic", 9: "Lambert conformal conic",
+            10: "Lambert azimuthal equal area", 11: "Albers equal area", 12: "Azimuthal equidistant",
+            14: "Stereographic", 15: "Polar stereographic", 16: "Stereographic", 17: "Equidistant cylindrical",
+            21: "Orthographic", 24: "Sinusoidal"}
+#: Systems of Earth that a file may state by number only.
+_KNOWN = {
+    3857: MapSystem("Mercator", "EPSG:3857", _WEB_M), 3395: MapSystem("Mercator", "EPSG:3395", _WEB_M),
+    4087: MapSystem("Equidistant cylindrical", "EPSG:4087", _WEB_M),
+    3035: MapSystem("Lambert azimuthal equal area", "EPSG:3035", _EARTH_M, 10.0, 52.0, east_m=4321000.0,
+                    north_m=3210000.0),
+    **{code: MapSystem("Polar stereographic", f"EPSG:{code}", _WEB_M, longitude, math.copysign(90.0, parallel),
+                       parallel) for code, longitude, parallel in (
+                           (3031, 0.0, -71.0), (3976, 0.0, -70.0), (3413, -45.0, 70.0), (3995, 0.0, 71.0))},
+    **{code: MapSystem("Polar stereographic", f"EPSG:{code}", _WEB_M, 0.0, pole, pole, scale=0.994, east_m=2e6,
+                       north_m=2e6) for code, pole in ((32661, 90.0), (32761, -90.0), (5041, 90.0), (5042, -90.0))}}
+
+
+def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
+    """The projection that GeoKeys state; None for one that is not known here. ``unit_m`` is the unit of lengths."""
+    code = keys.get(_PROJECTED_KEY)
+    if code in _KNOWN:
+        return _KNOWN[code]
+    if isinstance(code, int) and (zone := _utm_zone(code)):
+        number, south = zone
+        return MapSystem("Transverse Mercator", f"EPSG:{code}", _EARTH_M, 6.0 * number - 183.0, scale=0.9996,
+                         east_m=5e5, north_m=1e7 if south else 0.0)
+    kind = _METHODS.get(keys.get(_METHOD_KEY, 0))
+    if kind is None:
+        return None
+    angle = _angle_unit(keys)
+
+    def stated(*numbers: int, otherwise: float = 0.0) -> float:
+        return next((float(keys[number]) for number in numbers if isinstance(keys.get(number), float)), otherwise)
+
+    latitude = angle * stated(3081, 3089, 3085)
+    longitude = angle * stated(3095, 3080, 3088, 3084)
+    first, scale = angle * stated(3078), stated(3092, 3093, otherwise=1.0)
+    second = angle * stated(3079, otherwise=stated(3078))
+    if kind == "Polar stereographic" and 3092 not in keys:  # the parallel that is true to scale stands for the origin
+        first, latitude = (first or latitude), math.copysign(90.0, first or latitude)
+    elif kind == "Polar stereographic":
+        first = math.copysign(90.0, latitude)
+    if kind == "Lambert conformal conic" and 3078 not in keys:
+        first = second = latitude
+    if kind == "Equidistant cylindrical" and 3078 not in keys:  # older writers have the parallel as the origin
+        first, latitude = latitude, 0.0
+    if kind == "Mercator" and 3078 not in keys:
+        first, latitude = (latitude, 0.0) if 3092 not in keys else (0.0, 0.0)
+    return MapSystem(kind, kind, _sphere_m(keys), longitude, latitude, first, second, scale,
+                     unit_m * stated(3082, 3086, 3090), unit_m * stated(3083, 3087, 3091))
+
+
+def _sphere_m(keys: Mapping[int, Any]) -> float:
+    """Radius of the sphere with the volume of the body's ellipsoid; Earth's if the file states none."""
+    major = keys.get(_SEMI_MAJOR_KEY)
+    if not (isinstance(major, float) and 0 < major < math.inf):
+        return _EARTH_M
+    minor = keys.get(_SEMI_MINOR_KEY)
+    flattening = keys.get(2059)
+    if not (isinstance(minor, float) and 0 < minor < math.inf):
+        minor = major * (1 - 1 / flattening) if isinstance(flattening, float) and flattening > 1 else major
+    return float((major * major * minor) ** (1 / 3))
+
+
+def _angle_unit(keys: Mapping[int, Any]) -> float:
+    """Degrees per unit of angle: of the keys' own unit, else degrees."""
+    return {9101: math.degrees(1.0), 9105: 0.9, 9106: 0.9}.get(keys.get(2054, 9102), 1.0)
+
+
+def _utm_zone(code: int) -> tuple[int, bool] | None:
+    """Number of the UTM zone of an EPSG system, and whether it is a southern one."""
+    for first, last, before in ((32601, 32660, 32600), (25828, 25838, 25800), (26901, 26923, 26900)):
+        if first <= code <= last:
+            return code - before, False
+    return (code - 32700, True) if 32701 <= code <= 32760 else None
