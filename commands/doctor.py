@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import json
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from ..plugins.landforms import landform_plugins
 from ..render.cost.abilities import probe_blender
 from ..render.workers.job import python_command
 from ..render.workers.process import clean_environment
+from ..support.foreign_bytes import parse_json
 from ..support.printer import print_table
 from ..system import run
 
@@ -36,7 +36,10 @@ def _check_evaluator(python: str) -> dict[str, Any]:
     """What the evaluator reports of a Python. Raises IcyMoonError if it cannot be run."""
     try:
         done = run(python_command(python, "stereo", "check"), clean_environment(), timeout_s=120.0)
-        return dict(json.loads(done.stdout))
+        found = parse_json(done.stdout)
+        if not isinstance(found, dict):
+            raise ValueError(found)
+        return found
     except OSError as error:
         raise IcyMoonError(f"{python} cannot be run ({error})") from None
     except ValueError:

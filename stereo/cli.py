@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import sys
 from collections.abc import Sequence
@@ -13,6 +12,7 @@ from typing import Any
 from ..errors import IcyMoonError
 from ..plugins.installed import Found, find
 from ..support import printer
+from ..support.foreign_bytes import MOST_TEXT, parse_json, read
 from ..terminal import Parser, as_path, run_verb, show_counted_progress, show_progress
 from .environment import packages
 from .export import EXPORTS
@@ -400,7 +400,8 @@ def _export_ground(parsed: argparse.Namespace) -> int:
         folders = export_ground(list(pairs.values()), parsed.out, parsed.format, parsed.blender, parsed.cell_m,
                                 lambda message: show(message) if message["type"] == "progress" else None)
     for folder in folders:
-        for sentence in json.loads((folder / "geometry.json").read_text(encoding="utf-8"))["left_out"]:
+        facts = read(folder / "geometry.json", lambda file: parse_json(file.text()), "JSON", "export again", MOST_TEXT)
+        for sentence in facts["left_out"]:
             printer.warn(f"{folder.name} is without {sentence}")
     printer.say(str(parsed.out.resolve()))
     return 0

@@ -20,8 +20,10 @@ from pathlib import Path
 from typing import IO, Any
 
 from ..errors import DiskError, IcyMoonError
+from ..file_shapes import TEXT, find_fault
 from ..render.workers.job import python_command
 from ..render.workers.process import clean_environment
+from ..support.foreign_bytes import parse_json
 from ..system import KEEPS_MEMORY, count_processors, kill_all, start
 from .artefacts import remove_leftovers
 from .matchers.methods import Method
@@ -115,8 +117,13 @@ class _Process:
         assert self._process.stdout is not None
         with self._process.stdout as lines:
             for line in lines:
-                if line.endswith(b"\n"):  # otherwise it ended within a line
-                    said.put((self, json.loads(line)))
+                try:
+                    event = parse_json(line)
+                except ValueError:  # it ended within a line, or a library wrote where only events go
+                    break
+                if find_fault(event, {"type": TEXT}):
+                    break
+                said.put((self, event))
         said.put((self, None))
 
     def send(self, data: dict[str, Any]) -> None:

@@ -258,6 +258,13 @@ def read_regular(path: Path, most: int) -> bytes:
     return data
 
 
+def read_end(path: Path, most: int) -> bytes:
+    """The last ``most`` bytes of a regular file, or all. Raises OSError if there is none."""
+    with system.open_regular(path) as stream:
+        stream.seek(max(0, stream.seek(0, io.SEEK_END) - most))
+        return stream.read(most)
+
+
 def decode_text(data: bytes) -> str:
     """A text in UTF-8, or in the encoding of its first bytes, as PowerShell and Notepad write; lines end in \\n.
 

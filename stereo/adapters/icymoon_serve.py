@@ -54,11 +54,12 @@ def serve(disparity: Callable[[np.ndarray, np.ndarray, Any], Any], name: str = "
     while True:
         request = json.loads(lines.get())
         try:
-            answer = {"ok": True, **_answer(disparity, request), "facts": facts()}
+            answer = {"id": request["id"], "ok": True, **_answer(disparity, request), "facts": facts()}
+            json.dumps(answer, allow_nan=False)  # which refuses facts that no line of JSON has
         except Exception as error:
             traceback.print_exc()
-            answer = {"error": f"{type(error).__name__}: {error}"}
-        _write(answers, {"id": request["id"], **answer})
+            answer = {"id": request["id"], "error": f"{type(error).__name__}: {error}"[:1000]}
+        _write(answers, answer)
 
 
 def drop_single_axes(values: np.ndarray) -> np.ndarray:

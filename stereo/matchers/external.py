@@ -29,6 +29,7 @@ from ..images.image_files import read_pfm, read_png, write_png
 from .command_lines import require_program, split_arguments
 from .options import Option
 from .result import Result
+from .written_arrays import last_words, read_array
 
 COLOUR = True
 
@@ -107,10 +108,8 @@ def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
     finally:
         kill_all(process)  # also when interrupted: Ctrl-C does not reach a process in a session of its own
     if status:
-        lines = errors.read_text(encoding="utf-8", errors="replace").split("\n")
-        words = next((line.strip() for line in reversed(lines) if line.strip()), "no message")
-        raise IcyMoonError(f"external.command ended with status {status} ({words[:300]}); run it by hand on two "
-                           "images.")
+        raise IcyMoonError(f"external.command ended with status {status} ({last_words(errors) or 'no message'}); run "
+                           "it by hand on two images.")
 
 
 def _read_disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any]) -> np.ndarray:
@@ -121,20 +120,20 @@ def _read_disparity(path: Path, shape: tuple[int, ...], options: dict[str, Any])
         image = read_png(path)
         disparity = np.where(image > 0, image / np.float64(options["png_scale"]), np.nan)
     else:
-        disparity = read_pfm(path) if options["format"] == "pfm" else _read_npy(path)
+        disparity = read_pfm(path) if options["format"] == "pfm" else _read_npy(path, shape)
     try:
         return as_disparity(disparity, shape)
     except ValueError as error:
         raise IcyMoonError(f"external.command wrote a disparity map that cannot be used: {error}.") from None
 
 
-def _read_npy(path: Path) -> np.ndarray:
+def _read_npy(path: Path, shape: tuple[int, ...]) -> np.ndarray:
     try:
-        array = np.load(path, allow_pickle=False)
-    except Exception as error:  # with a damaged header numpy may raise anything
-        raise IcyMoonError(f"external.command wrote a {path.name} that cannot be read ({error}); make it write an "
-                           "array of disparities.") from None
-    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu":
+        array = read_array(path, shape)
+    except (OSError, ValueError, IcyMoonError) as error:
+        raise IcyMoonError(f"external.command wrote a {path.name} that cannot be read ({str(error).rstrip('.')}); make "
+                           "it write an array of disparities.") from None
+    if array.dtype.kind not in "fiu":
         raise IcyMoonError(f"external.command wrote a {path.name} without numbers; make it write an array of "
                            "disparities.")
     return array.astype(np.float64)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib.util
 import os
 import pickle
+import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -119,6 +120,7 @@ def _read_parameters(path: Path) -> dict[str, Any]:
     """Name -> tensor of a checkpoint, without the wrapping that training adds. Runs no code from the file."""
     import torch
 
+    _check_archive(path)
     try:
         stored = torch.load(path, map_location="cpu", weights_only=True)
     except pickle.UnpicklingError:  # its message is a page long
@@ -131,6 +133,18 @@ def _read_parameters(path: Path) -> dict[str, Any]:
     if not isinstance(stored, dict) or not all(isinstance(value, torch.Tensor) for value in stored.values()):
         raise IcyMoonError(f"{path} does not contain the parameters of a network; give the checkpoint itself.")
     return {str(name).removeprefix("module."): value for name, value in stored.items()}
+
+
+def _check_archive(path: Path) -> None:
+    """Raise IcyMoonError for an archive that would unfold to more than it has: PyTorch packs no parameters."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            unfolded = sum(member.file_size for member in archive.infolist())
+    except (OSError, ValueError, NotImplementedError, zipfile.BadZipFile):  # older or damaged, which PyTorch tells
+        return
+    if unfolded > path.stat().st_size:
+        raise IcyMoonError(f"{path} unfolds to {unfolded / 1e6:.0f} MB, and checkpoints are not packed; download it "
+                           "again.")
 
 
 def _fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, method: str) -> None:

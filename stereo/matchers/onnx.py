@@ -50,6 +50,8 @@ PRESETS: dict[str, dict[str, Any]] = {}
 #: For pip: the first version with wheels for numpy 2, and the next major version.
 REQUIREMENT = "onnxruntime>=1.19,<2"
 _SHIFT_PX = 7
+#: Of an input of fixed size: images are resized to it.
+_MOST_PIXELS = 2**25
 _TEST_SHAPE = 256, 384
 #: How far the median of the disparities of the test may be from its shift.
 _TOLERANCE_PX = 1.0
@@ -178,6 +180,9 @@ def _read_input(path: Path, declared: Any, place: int, count: int) -> _Input:
     height, width = shape[1:3] if last else shape[2:]
     if count == 4 and not (height and width):
         raise IcyMoonError(f"{path} has 4 inputs without a size ({_describe([declared])}); export it with fixed sizes.")
+    if (height or 1) * (width or 1) > _MOST_PIXELS:
+        raise IcyMoonError(f"{path} has the input {_describe([declared])}, and {_MOST_PIXELS} pixels are the most that "
+                           "is computed; export it with smaller ones.")
     name = declared.name.lower()
     eye = next((eye for eye in ("left", "right") if eye in name), ("left", "right")[place % 2])
     return _Input(declared.name, ("left", "right") if count == 1 else (eye,), _TYPES[declared.type], bool(last),

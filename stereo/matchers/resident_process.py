@@ -34,9 +34,11 @@ from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
 from ...scratch import make_scratch_folder
 from ...support.foreign_bytes import parse_json
+from ...support.printer import show_controls
 from ..adapters.icymoon_serve import PROTOCOL, as_disparity
 from ..measure.costs import COSTS
 from .result import Result
+from .written_arrays import last_words, read_array
 
 #: Where a program finds ``icymoon_serve``.
 ADAPTERS = Path(__file__).parents[1] / "adapters"
@@ -44,7 +46,8 @@ ADAPTERS = Path(__file__).parents[1] / "adapters"
 CAMERA = ("focal_px", "cx_px", "cy_px", "baseline_m")
 _FAILURES = 3
 _LOOK_S, _GRACE_S = 0.25, 2.0
-_LONGEST_LINE = 65536
+#: Of a line, in bytes; lines that wait to be read; facts that an answer states, and their characters.
+_LONGEST_LINE, _MOST_LINES, _MOST_FACTS, _LONGEST_FACT = 65536, 64, 50, 200
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ class _Resident:
     def __init__(self, program: Program) -> None:
         """Start it and wait until it is ready. Raises _ProgramError; IcyMoonError if there is no temporary folder."""
         self._program, self._folder = program, make_scratch_folder()
-        self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._lines: queue.Queue[bytes] = queue.Queue(_MOST_LINES)
         self._stray, self._id = "", 0
         paths = [os.environ.get("PYTHONPATH", ""), str(ADAPTERS)]
         begun = time.monotonic()
@@ -79,11 +82,12 @@ class _Resident:
         except OSError as error:
             system.remove_folder(self._folder)
             raise _ProgramError(f"cannot be run ({error.strerror}); check {program.command[0]}.") from None
-        threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True).start()
+        self._reader = threading.Thread(target=self._read, args=(self._process.stdout,), daemon=True)
+        self._reader.start()
         try:
             hello = self._wait_for("hello", program.start_s)
-            if hello["hello"] != PROTOCOL:
-                raise _ProgramError(f"speaks version {hello['hello']} of the protocol, not {PROTOCOL}; copy "
+            if not _is_number(hello["hello"], PROTOCOL):
+                raise _ProgramError(f"speaks version {str(hello['hello'])[:40]} of the protocol, not {PROTOCOL}; copy "
                                     f"{ADAPTERS / 'icymoon_serve.py'} beside it.")
         except BaseException:
             self.stop(0.0)
@@ -101,8 +105,9 @@ class _Resident:
             self._warm = True
         disparity, answer, waited = self._ask(left, right, camera, range_px, self._program.timeout_s)
         facts = answer.get("facts")
-        stated = {key: value for key, value in facts.items() if isinstance(value, str | int | float)} if isinstance(
-            facts, dict) else {}
+        stated = {key[:_LONGEST_FACT]: value[:_LONGEST_FACT] if isinstance(value, str) else value
+                  for key, value in list(facts.items())[:_MOST_FACTS] if isinstance(value, str | int | float)
+                  } if isinstance(facts, dict) else {}
         costs = {"wall_seconds": waited, "memory_mb": system.peak_memory_mib_of(self._process.pid)}
         costs |= {key: answer.get(given) for key, given in _COSTS.items() if _is_cost(answer.get(given))}
         costs.setdefault("seconds", costs["wall_seconds"])
@@ -130,7 +135,8 @@ class _Resident:
             return self._read_disparity(paths["out"], left.shape[:2]), answer, waited
         finally:
             for path in paths.values():
-                system.remove(path)
+                with suppress(OSError):  # the program may have made a folder there; it goes with the others
+                    system.remove(path)
 
     def _write(self, request: Mapping[str, Any]) -> None:
         assert self._process.stdin is not None
@@ -145,13 +151,15 @@ class _Resident:
             try:  # in short steps, as Windows interrupts nobody who waits
                 line = self._lines.get(timeout=min(_LOOK_S, left_s))
             except queue.Empty:
-                continue
+                if self._process.poll() is None:
+                    continue
+                line = b""  # a child of it keeps its output open
             if not line:
                 raise _ProgramError(self._describe_end("it was ready" if key == "hello" else "it had answered"))
             message = _parse(line)
             if message is None or key not in message:
-                self._stray = line.decode("utf-8", "replace").strip() or self._stray
-            elif key == "hello" or message["id"] == self._id:
+                self._stray = show_controls(line.decode("utf-8", "replace").strip()) or self._stray
+            elif key == "hello" or _is_number(message["id"], self._id):
                 return message
         matcher = self._program.name.partition(".")[0]
         what, option = ("to be ready", "start_s") if key == "hello" else ("for a pair", "timeout_s")
@@ -168,25 +176,24 @@ class _Resident:
 
     def _last_words(self) -> str:
         """The last line of its standard error, or else of what it printed beside messages."""
-        with suppress(OSError):
-            text = (self._folder / "errors.txt").read_bytes()[-_LONGEST_LINE:].decode("utf-8", "replace")
-            self._stray = next((line.strip() for line in reversed(text.splitlines()) if line.strip()), self._stray)
-        return self._stray[:300] or "no message"
+        return last_words(self._folder / "errors.txt") or self._stray[:300] or "no message"
 
     def _read_disparity(self, path: Path, shape: tuple[int, ...]) -> np.ndarray:
         try:
-            return as_disparity(np.load(path, allow_pickle=False), shape)
+            return as_disparity(read_array(path, shape), shape)
         except FileNotFoundError:
             raise IcyMoonError(f"{self._program.name} answered that the pair is done, but wrote no disparity map; save "
                                "it to out before.") from None
-        except Exception as error:  # with a damaged header numpy may raise anything
+        except (OSError, ValueError, IcyMoonError) as error:
             raise IcyMoonError(f"{self._program.name} wrote a disparity map that cannot be used: "
-                               f"{' '.join(str(error).split())[:300]}.") from None
+                               f"{' '.join(str(error).split())[:300].rstrip('.')}.") from None
 
     def _read(self, stream: IO[bytes]) -> None:
         with suppress(OSError, ValueError), stream:  # it was closed
             while line := stream.readline(_LONGEST_LINE):
-                self._lines.put(line)
+                self._lines.put(line)  # waits, and so makes a program wait that prints without end
+                while len(line) == _LONGEST_LINE and not line.endswith(b"\n"):
+                    line = stream.readline(_LONGEST_LINE)  # the rest of a line that is no message
         self._lines.put(b"")
 
     def stop(self, grace_s: float) -> None:
@@ -196,6 +203,10 @@ class _Resident:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(grace_s)
         system.kill_all(self._process)
+        end = time.monotonic() + _GRACE_S
+        while self._reader.is_alive() and time.monotonic() < end:  # it may wait for room
+            with suppress(queue.Empty):
+                self._lines.get(timeout=0.01)
         system.remove_folder(self._folder)
 
 
@@ -252,6 +263,10 @@ _COSTS = dict(zip(COSTS, ("cpu_seconds", "seconds", "gpu_seconds", "gpu_mb", "me
 
 def _is_cost(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and value >= 0
+
+
+def _is_number(value: Any, number: int) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value == number
 
 
 def _texts(message: Mapping[str, Any], key: str) -> dict[str, str]:
