@@ -18,6 +18,7 @@ _PROGRAMS = {"stereo": "stereo.cli", "worker": "render.worker",
              "resident-worker": "render.resident_worker", "assets": "render.asset_worker",
              "geometry": "render.geometry_worker",
              "probe": "render.probe_blender", "measure": "stereo.measuring_processes",
+             "decode": "stereo.images.bounded_decoding",
              "install": "stereo.environment.install"}
 #: Those that run in Blender.
 _IN_BLENDER = {"worker", "resident-worker", "assets", "probe"}

@@ -7,6 +7,7 @@ starting one without a window, stopping it, ending with the one that started us.
 from __future__ import annotations
 
 import errno
+import math
 import os
 import re
 import shlex
@@ -336,6 +337,37 @@ def peak_memory_mib_of(pid: int) -> float | None:
             return next((int(line.split()[1]) / 1024 for line in stream if line.startswith("VmHWM:")), None)
     except OSError:
         return None
+
+
+@contextmanager
+def bound_memory_and_time(memory: int, cpu_s: float) -> Iterator[None]:
+    """Bound what this process may take inside the ``with`` statement: so many bytes more than now, else allocating
+    fails; so many seconds of the processor, else it ends, see ``is_ended_by_time_limit``. Linux can; elsewhere nothing
+    is bounded."""
+    if PLATFORM != "linux":
+        yield
+        return
+    import resource
+
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    used_s = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
+    limits = {resource.RLIMIT_AS: pages * resource.getpagesize() + memory,
+              resource.RLIMIT_CPU: math.ceil(used_s + cpu_s), resource.RLIMIT_CORE: 0}  # whole seconds
+    before = {which: resource.getrlimit(which) for which in limits}
+    for which, most in limits.items():
+        soft, hard = before[which]
+        given = [each for each in (soft, hard, most) if each != resource.RLIM_INFINITY]
+        resource.setrlimit(which, (min(given), hard))
+    try:
+        yield
+    finally:
+        for which, limit in before.items():
+            resource.setrlimit(which, limit)
+
+
+def is_ended_by_time_limit(status: int) -> bool:
+    """Whether a process of this exit status took more time than ``bound_memory_and_time`` gave it."""
+    return hasattr(signal, "SIGXCPU") and status == -signal.SIGXCPU
 
 
 def run(command: Sequence[str], environment: Mapping[str, str] | None = None,

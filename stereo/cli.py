@@ -166,6 +166,7 @@ def _run_methods(parsed: argparse.Namespace) -> int:
 def _run_match(parsed: argparse.Namespace) -> int:
     packages.require("numpy", "cv2")
     from ..render.pairs.pair_folder import read_pair
+    from .images.bounded_decoding import decode
     from .images.image_files import read_png, write_disparity
     from .matchers import match
     from .matchers.methods import parse_key_value
@@ -174,8 +175,8 @@ def _run_match(parsed: argparse.Namespace) -> int:
 
     options = dict(parse_key_value(text, "--option") for part in parsed.option for text in part)
     pair = read_pair(parsed.camera) if parsed.camera else None
-    disparity, _, info = match(parsed.method, read_png(parsed.left), read_png(parsed.right), options,
-                               pair.camera if pair else None,
+    left, right = (read_png(path, decode) for path in (parsed.left, parsed.right))
+    disparity, _, info = match(parsed.method, left, right, options, pair.camera if pair else None,
                                known_ranges(pair.settings, None, bool(pair.data.get("edited_by_hand"))) if pair else {})
     facts = {BM_MIN_DISPARITY: info["options"]["min_disparity"]} if parsed.method == "bm" else {}
     write_disparity(parsed.out, disparity, info["arrays"], **facts)

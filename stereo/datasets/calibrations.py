@@ -12,7 +12,7 @@ from pathlib import Path
 from ...errors import IcyMoonError
 from ...file_shapes import COUNT, NUMBER, PIXELS, POSITIVE, Maybe, read_record
 from ...render.pairs.pair_folder import StereoCamera
-from .data_files import numbers_of, read_bytes, read_fields
+from .data_files import numbers_of, read_content, read_fields
 
 _CENTRE = 0.5
 _OURS = {"camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIVE, "cx_px": NUMBER, "cy_px": NUMBER,
@@ -70,7 +70,7 @@ def stated_disparities(path: Path) -> int | None:
 
 def sintel_camera(path: Path, baseline_m: float, width: int, height: int) -> StereoCamera:
     """From a ``.cam`` file: the matrix of the camera as nine float64 after a mark. Raises IcyMoonError otherwise."""
-    content = read_bytes(path, 4096)
+    content = read_content(path, 4096)
     try:
         mark, *matrix = struct.unpack_from("<f9d", content)
     except struct.error:

@@ -76,7 +76,7 @@ def read_prediction(method: Method, prepared: Prepared) -> tuple[np.ndarray, dic
     Raises IcyMoonError if the file is missing, damaged, or of another size, sign or unit.
     """
     path = find_prediction(method, prepared.pair.name)
-    disparity = read_map(MapFile(path))
+    disparity = read_map(MapFile(path, predicted=True))
     check_prediction(path, disparity, prepared.truth, prepared.pair.camera)
     return np.where(usable(disparity), disparity, np.nan).astype(np.float32), {
         "method": PREDICTION, "options": options_of(method), **dict.fromkeys(COSTS), "arrays": {}, "counts": {},

@@ -8,11 +8,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import read_pair
 from .develop import grey
 from .exr import read_light
-from .image_files import encoded, write_bytes
+from .image_files import encoded, read_picture, write_bytes
 
 _SCREEN_GAMMA = 1 / 2.2
 #: JPEG qualities of a sheet; the first that gives a small enough file is taken.
@@ -52,9 +51,8 @@ def write_sheet(pictures: Sequence[tuple[Path, str, str]], file: Path, most_byte
 
 
 def _read_cell(picture: Path, title: str, line: str) -> np.ndarray:
-    image = cv2.imread(str(picture))
-    if image is None:
-        raise IcyMoonError(f"{picture} is not an image; remove it and run the command again.")
+    image = read_picture(picture)
+    image = np.repeat(image[..., None], 3, axis=-1) if image.ndim == 2 else image[..., :3]
     height = max(1, round(image.shape[0] * _CELL_PX / image.shape[1]))
     caption = np.zeros((_CAPTION_PX, _CELL_PX, 3), np.uint8)
     for text, row, size in ((title, 18, 0.5), (line, 38, 0.4)):

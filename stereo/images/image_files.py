@@ -4,22 +4,26 @@ from __future__ import annotations
 
 import io
 import math
-import re
 import zipfile
-import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...files import write_atomically
+from ...support.foreign_bytes import ForeignBytes, RefusedError, read
+from .image_headers import MOST_IMAGE_MEMORY, Encoded, check_size, parse_picture, parse_png
 
-_PNG = b"\x89PNG\r\n\x1a\n"
 #: Of an npz: half the time of numpy's own level, 6, for a fifth more bytes.
 _LEVEL = 4
-_PFM = re.compile(rb"P([fF])\s+(\d{1,6})\s+(\d{1,6})\s+([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s")  # width, height, scale
+#: Most pixels of a picture that this program wrote: of the largest rig, with a scale of colours below.
+_MOST_OWN_PIXELS = 2**29
+#: Bytes in which the header of a PFM ends, comments included, and of one of its numbers.
+_MOST_PFM_HEADER, _LONGEST_NUMBER = 4096, 24
+_SPACES = b" \t\r\n\v\f"
+_AGAIN = "make it again"
+Decode = Callable[[Encoded], np.ndarray]
 
 
 def write_bytes(path: Path, content: bytes) -> None:
@@ -42,62 +46,117 @@ def encoded(image: np.ndarray, suffix: str, quality: int = 85) -> bytes:
     return bytes(cv2.imencode(suffix, image, parameters)[1].tobytes())
 
 
-def read_png(path: Path) -> np.ndarray:
-    """A PNG file as uint8 or uint16, grey (H, W), BGR (H, W, 3) or BGRA (H, W, 4).
+def decode_here(image: Encoded) -> np.ndarray:
+    """The pixels of an image, decoded by OpenCV in this process, which is for files of ours.
 
-    Raises IcyMoonError if it is missing, not a PNG, or damaged; OpenCV would fill a truncated image with black.
+    Those of others are decoded by ``bounded_decoding.decode``. Raises ValueError if it is damaged.
     """
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise IcyMoonError(f"{path} cannot be read ({error.strerror}); give an existing PNG image.") from None
-    if not content.startswith(_PNG):
-        raise IcyMoonError(f"{path} is not a PNG image; convert it to PNG.")
-    if not _is_whole(content):
-        raise IcyMoonError(f"{path} is damaged or incomplete; make it again.")
-    try:
-        image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+        pixels = cv2.imdecode(np.frombuffer(image.content, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error as error:
-        raise IcyMoonError(f"{path} cannot be decoded ({error.err}); make it again.") from None
-    if image is None:
-        raise IcyMoonError(f"{path} cannot be decoded; make it again.")
-    return image
+        raise ValueError(error.err) from None
+    if pixels is None:
+        raise ValueError("its pixels cannot be decoded")
+    return pixels
+
+
+def read_png(path: Path, decode: Decode | None = None) -> np.ndarray:
+    """A PNG file as uint8 or uint16, grey (H, W), BGR (H, W, 3) or BGRA (H, W, 4).
+
+    ``decode`` is for files of others, see ``decode_here``. Raises IcyMoonError if it is missing, not a PNG, damaged,
+    or too large; OpenCV would fill a truncated image with black.
+    """
+    most = None if decode else _MOST_OWN_PIXELS
+    return read(path, lambda foreign: (decode or decode_here)(parse_png(foreign, most)), "a whole PNG image", _AGAIN,
+                memory=MOST_IMAGE_MEMORY if decode else 8 * _MOST_OWN_PIXELS)
+
+
+def read_picture(path: Path, decode: Decode = decode_here) -> np.ndarray:
+    """A PNG, JPEG or WebP file, as ``read_png`` gives it. Raises IcyMoonError if it is none, damaged or too large."""
+    return read(path, lambda foreign: decode(parse_picture(foreign)), "a whole image", _AGAIN,
+                memory=MOST_IMAGE_MEMORY)
 
 
 def read_pfm(path: Path, colours: bool = False) -> np.ndarray:
     """A grey PFM file as float32 (H, W), or with ``colours`` any as (H, W) or (H, W, 3), top row first.
 
     The sign of its scale gives the byte order; values are not scaled. Raises IcyMoonError if it is missing, of another
-    kind or damaged.
+    kind, damaged or too large.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise IcyMoonError(f"{path} cannot be read ({error.strerror}); give an existing PFM image.") from None
-    head = _PFM.match(content)
-    if head is None or (head[1] == b"F" and not colours):
-        raise IcyMoonError(f"{path} is not a grey PFM image; its first line must be Pf.")
-    width, height, body = int(head[2]), int(head[3]), content[head.end():]
-    shape = (height, width, 3) if head[1] == b"F" else (height, width)
-    if len(body) != 4 * math.prod(shape):
-        raise IcyMoonError(f"{path} is damaged or incomplete; make it again.")
-    order = "<" if head[4].startswith(b"-") else ">"
-    return np.frombuffer(body, f"{order}f4").reshape(shape)[::-1].astype(np.float32)
+    return read(path, lambda foreign: parse_pfm(foreign, colours), "a whole PFM image", _AGAIN,
+                memory=MOST_IMAGE_MEMORY)
 
 
-def _is_whole(content: bytes) -> bool:
-    """Whether a PNG has all its chunks up to the end chunk, each with the right checksum."""
-    place = len(_PNG)
-    while place + 12 <= len(content):
-        length = int.from_bytes(content[place:place + 4], "big")
-        body = content[place + 4:place + 8 + length]
-        checksum = content[place + 8 + length:place + 12 + length]
-        if len(checksum) < 4 or zlib.crc32(body) != int.from_bytes(checksum, "big"):
-            return False
-        if body[:4] == b"IEND":
-            return True
-        place += 12 + length
-    return False
+def parse_pfm(foreign: ForeignBytes, colours: bool = False) -> np.ndarray:
+    """The values of a PFM file, see ``read_pfm``.
+
+    Raises RefusedError for another kind of file, and one that can be read in two ways; ValueError if it is damaged.
+    """
+    head = foreign.part(0, min(foreign.size, _MOST_PFM_HEADER))
+    kind = head[:2]
+    if kind not in ((b"Pf", b"PF") if colours else (b"Pf",)):
+        raise RefusedError("is not a grey PFM image; its first line must be Pf.")
+    words, end = [], 2
+    for _ in range(3):
+        start = _after_spaces(head, end)
+        end = next((at for at in range(start, len(head)) if head[at] in _SPACES), len(head))
+        if start == end or end - start > _LONGEST_NUMBER or not start > 2:
+            raise ValueError("its header has no width, height and scale")
+        words.append(head[start:end])
+    if not (words[0].isdigit() and words[1].isdigit()):
+        raise ValueError("its width and height are no whole numbers")
+    width, height = int(words[0]), int(words[1])
+    if not math.isfinite(float(words[2])) or not set(words[2]) <= set(b"+-.eE0123456789"):
+        raise ValueError("its scale is no number")
+    shape = (height, width, 3) if kind == b"PF" else (height, width)
+    count = 4 * check_size(width, height) * (3 if kind == b"PF" else 1)
+    body = foreign.cursor(_start_of_body(foreign, head, end, count), foreign.budget.charge(count, "pixels"))
+    values = body.numbers("<f4" if words[2].startswith(b"-") else ">f4", count // 4)
+    return values.reshape(shape)[::-1].astype(np.float32)
+
+
+def _after_spaces(head: bytes, at: int) -> int:
+    """The place of the next word of a header; lines that begin with # are comments."""
+    while at < len(head):
+        if head[at] in _SPACES:
+            at += 1
+        elif head[at:at + 1] == b"#" and head[at - 1:at] in (b"\r", b"\n"):
+            at = head.find(b"\n", at) + 1 or len(head)
+        else:
+            break
+    return at
+
+
+def _start_of_body(foreign: ForeignBytes, head: bytes, end: int, count: int) -> int:
+    """Where the last ``count`` bytes of a PFM begin: after one blank, or a line end with comments, and perhaps with a
+    line end behind them. ``end`` is where the last word of the header ends.
+
+    The size of the file tells which; RefusedError if it leaves two ways, ValueError if none.
+    """
+    last = foreign.part(max(0, foreign.size - 2), min(2, foreign.size))
+    windows = head[2:4] == b"\r\n"  # a line ends so from the first one on
+    found = []
+    for behind in (b"", b"\n", b"\r\n"):
+        start = foreign.size - len(behind) - count
+        if last.endswith(behind) and end < start <= len(head) and _is_gap(head[end:start], windows):
+            found.append(start)
+    if len(found) > 1:
+        raise RefusedError("can be read in two ways, as its lines end in two; write its header with one kind of line "
+                           "end, and nothing behind the pixels.")
+    if not found:
+        raise ValueError(f"{max(0, foreign.size - end - 1)} bytes follow its header, and its size needs {count}")
+    return found[0]
+
+
+def _is_gap(gap: bytes, windows: bool) -> bool:
+    """Whether bytes may stand between the header of a PFM and its body; of a file with lines as of Windows, a single
+    carriage return is half of a line end."""
+    if len(gap) == 1:
+        return gap in (_SPACES[k:k + 1] for k in range(len(_SPACES))) and not (windows and gap == b"\r")
+    first, newline, rest = gap.partition(b"\n")
+    if not newline or first.strip(b" \t\r"):
+        return False
+    return not rest or (rest.endswith(b"\n") and all(line.startswith(b"#") for line in rest[:-1].split(b"\n")))
 
 
 def write_npy(path: Path, values: np.ndarray) -> None:

@@ -87,8 +87,8 @@ def test_match_writes_disparity(inputs, tmp_path, bits):
 
 @pytest.mark.parametrize(("changes", "words"), [
     ({"left": "none.png"}, ["none.png", "No such file"]),
-    ({"left": "cut.png"}, ["cut.png", "damaged or incomplete"]),
-    ({"left": "flipped.png"}, ["flipped.png", "damaged or incomplete"]),
+    ({"left": "cut.png"}, ["cut.png", "not a whole PNG image"]),
+    ({"left": "flipped.png"}, ["flipped.png", "checksum is wrong"]),
     ({"left": "empty.png"}, ["empty.png", "not a PNG"]),
     ({"right": "text.png"}, ["text.png", "not a PNG"]),
     ({"right": "small.png"}, ["256 x 144", "12 x 10"]),

@@ -112,7 +112,7 @@ def test_a_damaged_prediction_fails_alone(dataset, truth, tmp_path):
     path.write_bytes(path.read_bytes()[:-100])
     rows = list(evaluate([dataset], [], tmp_path / "out", predictions=[f"n={tmp_path / 'p'}"])["rows"])
     assert [row["status"] for row in rows] == ["ok", "failed"]
-    assert rows[1]["error"] == f"{path} is damaged or incomplete; make it again."
+    assert rows[1]["error"].startswith(f"{path}: is not a whole map that can be read (")
 
 
 def test_two_predictions_of_one_pair_are_no_prediction(dataset, truth, tmp_path):

@@ -1,0 +1,244 @@
+"""What PNG, JPEG and WebP files state about themselves, and the bytes of them that a decoder needs.
+
+A decoder makes room for what the header states, and unpacks what it finds. So the stated size is charged before, the
+file must have its end, and of PNG and WebP only the parts with pixels and colours are passed on.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...support.foreign_bytes import Cursor, ForeignBytes, RefusedError
+
+#: Most pixels of an image of others: eight times the largest images of Middlebury. Their bytes, 16 bits in four bands.
+MOST_PIXELS = 2**26
+MOST_IMAGE_MEMORY = 8 * MOST_PIXELS + 2**12
+#: Most bytes of a JPEG or WebP file: four for each of these pixels, and twice the least that a file may need.
+_MOST_PACKED = 2**28
+#: What a file may have beyond its pixels: profiles, notes, a film behind a photograph.
+_MOST_BESIDE = 2**26
+PNG, JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
+#: Parts of a PNG that its pixels depend on. Others may unfold when they are read, as profiles and texts do.
+_PNG_KEPT = (b"IHDR", b"PLTE", b"tRNS", b"IDAT", b"IEND")
+#: libpng writes parts of 8 KiB.
+_MOST_PNG_PARTS = 200_000
+_PNG_GREY = 0  # of all kinds of colour, OpenCV gives one band for this one only
+_WEBP_KEPT = (b"VP8X", b"ALPH", b"VP8 ", b"VP8L")
+_WEBP_OPACITY, _WEBP_MOST_PARTS = 0x10, 10_000
+#: A JPEG has about ten segments, and a progressive one ten scans of all pixels; each costs time.
+_MOST_SEGMENTS, _MOST_SCANS, _MOST_FILL = 10_000, 100, 64
+#: Bytes of a scan that are looked through at once.
+_BLOCK = 2**16
+_START_OF_IMAGE, _END_OF_IMAGE, _START_OF_SCAN = 0xd8, 0xd9, 0xda
+_FRAMES = set(range(0xc0, 0xd0)) - {0xc4, 0xc8, 0xcc}
+_ALONE = {0x01, *range(0xd0, 0xd8)}  # markers without a length
+
+
+@dataclass(frozen=True)
+class Encoded:
+    """An image before it is decoded: what a decoder gets, and what it may give."""
+
+    content: bytes
+    width: int
+    height: int
+    most_bytes: int  # of all pixels
+
+
+def is_webp(start: bytes) -> bool:
+    """Whether a file begins as a WebP file."""
+    return start[:4] == b"RIFF" and start[8:12] == b"WEBP"
+
+
+def check_size(width: int, height: int, most_pixels: int | None = None) -> int:
+    """The number of pixels of a size that a file states. Raises RefusedError if it is none, or too large."""
+    most = MOST_PIXELS if most_pixels is None else most_pixels
+    if width < 1 or height < 1:
+        raise RefusedError(f"states {width} x {height} px, an image without pixels; make it again.")
+    if width * height > most:
+        raise RefusedError(f"states {width} x {height} px, and {most} pixels are the most that is read; make it "
+                           "smaller.")
+    return width * height
+
+
+def parse_picture(foreign: ForeignBytes) -> Encoded:
+    """A PNG, JPEG or WebP image. Raises RefusedError for another file, and as the parsers below do."""
+    start = foreign.part(0, min(12, foreign.size))
+    if start.startswith(PNG):
+        return parse_png(foreign)
+    if start.startswith(JPEG):
+        return parse_jpeg(foreign)
+    if is_webp(start):
+        return parse_webp(foreign)
+    raise RefusedError("is no image that is read here; save it as PNG, JPEG, TIFF or WebP.")
+
+
+def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> Encoded:
+    """A PNG image, without what does not change its pixels.
+
+    Raises ValueError if it is torn, RefusedError and OverBudgetError if it is too large.
+    """
+    if foreign.part(0, min(len(PNG), foreign.size)) != PNG:
+        raise RefusedError("is not a PNG image; convert it to PNG.")
+    head = foreign.cursor(len(PNG), min(25, foreign.size - len(PNG)))
+    if head.take(8) != b"\0\0\0\x0dIHDR":
+        raise ValueError("it does not begin with its size")
+    width, height, depth, colour = head.unpack(">IIBB")
+    pixels = check_size(width, height, most_pixels)
+    most = _charge(foreign, pixels * (1 if colour == _PNG_GREY else 4) * (2 if depth == 16 else 1))
+    cursor = foreign.cursor(8)
+    kept = [PNG]
+    for _ in range(_MOST_PNG_PARTS):
+        length, kind = cursor.unpack(">I4s")
+        body = cursor.take(length)
+        checksum = cursor.number(">I")
+        if zlib.crc32(body, zlib.crc32(kind)) != checksum:
+            raise ValueError("a checksum is wrong")
+        if kind == b"IHDR" and len(kept) > 1:
+            raise ValueError("it states its size twice")
+        if kind in _PNG_KEPT:
+            kept += [struct.pack(">I4s", length, kind), body, struct.pack(">I", checksum)]
+        elif not kind[0] & 0x20:  # a capital letter: nobody may leave it out
+            raise ValueError(f"an unknown part {kind!r}")
+        if kind == b"IEND":
+            return Encoded(b"".join(kept), width, height, most)
+    raise ValueError(f"more than {_MOST_PNG_PARTS} parts")
+
+
+def parse_jpeg(foreign: ForeignBytes) -> Encoded:
+    """A JPEG image up to its end mark; phones and drones write more behind it.
+
+    Raises ValueError if it is torn, RefusedError and OverBudgetError if it is too large.
+    """
+    data = _packed(foreign)
+    cursor, values = Cursor(data, foreign.budget), np.frombuffer(data, np.uint8)
+    cursor.skip(2)
+    frame: tuple[int, int, int] | None = None
+    scans = 0
+    for _ in range(_MOST_SEGMENTS):
+        kind = _next_marker(cursor)
+        if kind in _ALONE:
+            continue
+        if kind == _END_OF_IMAGE:
+            if frame is None or not scans:
+                raise ValueError("it has no pixels")
+            return Encoded(data[:cursor.at], *frame)
+        length = cursor.number(">H") - 2
+        if kind in _FRAMES:
+            if frame:
+                raise ValueError("it states its size twice")
+            frame = _frame(cursor.take(length), foreign)
+            continue
+        cursor.skip(length)
+        if kind == _START_OF_SCAN:
+            scans += 1
+            if frame is None or scans > _MOST_SCANS:
+                raise ValueError(f"more than {_MOST_SCANS} scans" if frame else "pixels before their size")
+            cursor.skip_to(_end_of_scan(values, cursor.at))
+        elif kind == _START_OF_IMAGE:
+            raise ValueError("an image within an image")
+    raise ValueError(f"more than {_MOST_SEGMENTS} segments")
+
+
+def _frame(body: bytes, foreign: ForeignBytes) -> tuple[int, int, int]:
+    """Width, height and most bytes of the pixels, from the content of a frame header."""
+    depth, height, width, bands = struct.unpack_from(">BHHB", body)
+    pixels = check_size(width, height)
+    return width, height, _charge(foreign, pixels * (1 if bands == 1 else 4) * (1 if depth == 8 else 2))
+
+
+def _next_marker(cursor: Cursor) -> int:
+    if cursor.take(1) != b"\xff":
+        raise ValueError(f"no marker at byte {cursor.at - 1}")
+    for _ in range(_MOST_FILL):
+        kind = cursor.number("B")
+        if kind != 0xff:
+            return kind
+    raise ValueError(f"no marker at byte {cursor.at - 1}")
+
+
+def _end_of_scan(values: np.ndarray, at: int) -> int:
+    """Where the first marker after ``at`` begins that is neither a stuffed byte nor a restart.
+
+    Raises ValueError if there is none: the file was cut off.
+    """
+    for begin in range(at, len(values) - 1, _BLOCK):
+        block = values[begin:begin + _BLOCK + 1]
+        after = block[1:]
+        found = np.flatnonzero((block[:-1] == 0xff) & (after != 0) & (after != 0xff) & (after & 0xf8 != 0xd0))
+        if found.size:
+            return begin + int(found[0])
+    raise ValueError("it ends within its pixels")
+
+
+def parse_webp(foreign: ForeignBytes) -> Encoded:
+    """A WebP image, without what does not change its pixels.
+
+    Raises ValueError if it is torn, RefusedError for an animation, and as ``parse_png`` does if it is too large.
+    """
+    outer = Cursor(_packed(foreign), foreign.budget)
+    if outer.take(4) != b"RIFF":
+        raise ValueError("it does not begin as WebP")
+    cursor = Cursor(outer.take(outer.number("<I")), foreign.budget)
+    if cursor.take(4) != b"WEBP":
+        raise ValueError("it does not begin as WebP")
+    kept, sizes = [], []
+    for _ in range(_WEBP_MOST_PARTS):
+        if not cursor.left:
+            break
+        kind, length = cursor.unpack("<4sI")
+        body = cursor.take(length)
+        cursor.skip(min(length & 1, cursor.left))
+        if kind in (b"ANIM", b"ANMF"):
+            raise RefusedError("is an animation; save one of its images as PNG.")
+        if kind not in _WEBP_KEPT:
+            continue
+        if kind == b"VP8X":
+            body = bytes([body[0] & _WEBP_OPACITY]) + body[1:]  # what else it announces is left out
+        if size := _webp_size(kind, body):
+            sizes.append(size)
+        kept.append(struct.pack("<4sI", kind, length) + body + b"\0" * (length & 1))
+    else:
+        raise ValueError(f"more than {_WEBP_MOST_PARTS} parts")
+    if not sizes or len(set(sizes)) > 1:
+        raise ValueError("it states no size, or two")
+    width, height = sizes[0]
+    most = _charge(foreign, 4 * check_size(width, height))
+    content = b"WEBP" + b"".join(kept)
+    return Encoded(b"RIFF" + struct.pack("<I", len(content)) + content, width, height, most)
+
+
+def _webp_size(kind: bytes, body: bytes) -> tuple[int, int] | None:
+    """Width and height that a part states; None if it states none."""
+    if kind == b"VP8X":
+        width, width_high, height, height_high = struct.unpack_from("<4xHBHB", body)
+        return 1 + width + (width_high << 16), 1 + height + (height_high << 16)
+    if kind == b"VP8 ":
+        mark, width, height = struct.unpack_from("<3x3sHH", body)
+        if mark != b"\x9d\x01\x2a":
+            raise ValueError("its pixels have no beginning")
+        return width & 0x3fff, height & 0x3fff
+    if kind == b"VP8L":
+        mark, bits = struct.unpack_from("<BI", body)
+        if mark != 0x2f:
+            raise ValueError("its pixels have no beginning")
+        return 1 + (bits & 0x3fff), 1 + (bits >> 14 & 0x3fff)
+    return None
+
+
+def _packed(foreign: ForeignBytes) -> bytes:
+    """The content of a file whose size in pixels is known only when it is read."""
+    if foreign.size > _MOST_PACKED:
+        raise RefusedError(f"has {foreign.size / 1e6:.0f} MB, and {_MOST_PACKED / 1e6:.0f} MB are the most that is "
+                           "read of its kind; make it smaller.")
+    return foreign.content()
+
+
+def _charge(foreign: ForeignBytes, count: int) -> int:
+    """The bytes of all pixels, charged; RefusedError if the file is far larger than they are."""
+    if foreign.size > count + _MOST_BESIDE:
+        raise RefusedError(f"has {foreign.size / 1e6:.0f} MB, far more than its pixels need; save it again.")
+    return foreign.budget.charge(count, "pixels")
