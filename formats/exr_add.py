@@ -33,7 +33,7 @@ def _read_bands(parts: list[Pixels], wanted: str) -> dict[str, np.ndarray]:
 def add_planet(image: bytes, planet: bytes) -> bytes:
     """An EXR file with what another has in its planet's light group added to its image and to its planet's group.
 
-    Raises ValueError, IndexError, KeyError, struct.error or zlib.error for what cannot be added.
+    Raises ValueError, KeyError or OverBudgetError for what cannot be added.
     """
     light = _read_bands([Pixels(piece) for piece in read_pieces(planet)], _PLANET)
     return _add(image, {_IMAGE: light, _PLANET: light})[0]

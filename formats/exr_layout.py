@@ -1,85 +1,286 @@
-"""Whether an OpenEXR file is whole, without an OpenEXR library.
+"""The structure of an OpenEXR file, checked without an OpenEXR library and without decoding a pixel.
 
-Blender does not say that a disk filled up while it wrote an image: it leaves a file whose table of
-chunks is missing or points beyond its end. Blender's Python has no OpenEXR to find out, so this
-reads the file's structure (OpenEXR technical introduction, "File Layout"), not its pixels.
+Blender does not report that a disk filled up while it wrote an image: it leaves a file whose table of chunks is missing
+or points beyond its end. And a file may come from a stranger, while libraries believe what its headers state. So this
+reads the headers and the heads of all chunks (OpenEXR technical introduction, "File Layout") through the door for
+foreign bytes.
 """
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from ..errors import IcyMoonError
+from ..support.foreign_bytes import Budget, Cursor, ForeignBytes, read
+
 MAGIC = 20000630
 MULTIPART = 0x1000
-_LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}  # by compression
+#: How errors name the format, and the most bytes of a file of ours: images of 16384 x 16384 px have some gigabytes.
+KIND, MOST_BYTES = "an EXR file", 2**36
+_VERSION, _TILED, _LONG_NAMES = 2, 0x200, 0x400
+_KINDS = (b"scanlineimage", b"tiledimage")
+#: Lines in a chunk by compression, as OpenEXR 3.5 writes them.
+_LINES_PER_CHUNK = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256, 10: 256, 11: 32, 12: 256, 13: 1}
+#: Bytes of a value by the type of its channel: whole number, 16-bit float, 32-bit float.
+_VALUE_BYTES = {0: 4, 1: 2, 2: 4}
+#: Bytes that all headers may have, channels that all parts may have, bytes of a name; Blender writes some hundreds of
+#: bytes and a handful of channels for each pass.
+_MOST_HEADERS, _MOST_CHANNELS, _MOST_NAME = 2**20, 2**12, 255
+#: Largest number of a place in an image, as in the OpenEXR library: sums of two never leave 32 bits.
+_FARTHEST = 2**30 - 1
+#: Memory for the decoded values: this much for any file, and so many bytes for each byte of a larger one. Deflate
+#: packs a constant image a thousandfold, but the images of a pair threefold.
+_MEMORY, _MEMORY_PER_BYTE = 2**27, 64
+#: Bytes of memory for what is known of a chunk, or of a channel beside its values.
+_CHUNK_MEMORY, _CHANNEL_MEMORY = 128, 1024
 
 
-def _read_text(data: bytes, at: int) -> tuple[bytes, int]:
-    end = data.index(b"\0", at)
-    return data[at:end], end + 1
+@dataclass(frozen=True)
+class Channel:
+    """A channel of a part: the type of its values, its steps between sampled columns and rows, its entry in the header.
 
+    The types are 0 whole numbers of 32 bits, 1 floats of 16 bits, 2 floats of 32 bits.
+    """
 
-def _read_header(data: bytes, at: int) -> tuple[dict[bytes, bytes], int]:
-    """Attributes of the header that starts at a byte, and where it ends."""
-    attributes: dict[bytes, bytes] = {}
-    while data[at] != 0:
-        name, at = _read_text(data, at)
-        _, at = _read_text(data, at)
-        (size,) = struct.unpack_from("<i", data, at)
-        attributes[name] = data[at + 4:at + 4 + size]
-        at += 4 + size
-    return attributes, at + 1
+    kind: int
+    steps: tuple[int, int]
+    stated: bytes
 
-
-def _count_chunks(attributes: dict[bytes, bytes]) -> int:
-    if b"chunkCount" in attributes:
-        return int(struct.unpack("<i", attributes[b"chunkCount"])[0])
-    _, top, _, bottom = struct.unpack("<4i", attributes[b"dataWindow"])
-    lines = _LINES_PER_CHUNK[attributes[b"compression"][0]]
-    return -(-(bottom - top + 1) // lines)
+    @property
+    def value_bytes(self) -> int:
+        """Bytes of a value."""
+        return _VALUE_BYTES[self.kind]
 
 
 @dataclass(frozen=True)
 class Part:
-    """One part of an EXR file: its attributes, the bytes of its header, its number of chunks."""
+    """One part of an EXR file.
 
-    attributes: dict[bytes, bytes]
-    header: slice
-    chunks: int
-
-
-def read_parts(data: bytes) -> tuple[list[Part], bool, int]:
-    """Parts of an EXR file, whether it is of the kind that may have several, and where its chunk table starts.
-
-    Raises ValueError, IndexError, KeyError or struct.error for what is no EXR file.
+    ``values`` are its attributes by name, ``stated`` the same as they stand in the file: name, type, size and value.
+    ``window`` is its data window (left, top, right, bottom), both ends included. ``places`` (chunks, 2) is where each
+    chunk has its first byte, after the number of the part, and where it ends.
     """
-    magic, version = struct.unpack_from("<2i", data, 0)
+
+    values: Mapping[bytes, bytes]
+    stated: Mapping[bytes, bytes]
+    window: tuple[int, int, int, int]
+    channels: Mapping[str, Channel]
+    places: np.ndarray
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        left, top, right, bottom = self.window
+        return bottom - top + 1, right - left + 1
+
+    @property
+    def decoded_bytes(self) -> int:
+        """Memory for all values of the part, as 32-bit numbers."""
+        rows, columns = self.shape
+        return len(self.channels) * (4 * rows * columns + _CHANNEL_MEMORY)
+
+
+@dataclass(frozen=True)
+class _Header:
+    """Attributes of a part: its values by name, with their types, and as they stand in the file."""
+
+    values: dict[bytes, bytes]
+    kinds: dict[bytes, bytes]
+    stated: dict[bytes, bytes]
+
+    def value(self, name: bytes, kind: bytes, size: int | None = None) -> bytes:
+        """The value of an attribute. Raises KeyError if there is none, ValueError for another type or size."""
+        value = self.values[name]
+        if self.kinds[name] != kind or (size is not None and len(value) != size):
+            raise ValueError(f"the attribute {name.decode('ascii', 'replace')} of type {self.kinds[name][:40]!r} and "
+                             f"{len(value)} bytes")
+        return value
+
+
+def decoding_budget(size: int) -> Budget:
+    """What decoding the values of a file of ``size`` bytes may take of memory."""
+    return Budget(_MEMORY + _MEMORY_PER_BYTE * size)
+
+
+def read_layout(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
+    """The parts of an EXR file, each of whose chunks lies in the file, apart from all others and in its image.
+
+    ``tiles`` lets in parts that are stored in tiles. Raises ValueError, KeyError or OverBudgetError for a file that is
+    damaged, or of deep data.
+    """
+    cursor = foreign.cursor(0, min(foreign.size, _MOST_HEADERS))
+    magic, version = cursor.unpack("<2I")
+    flags = version & ~0xff
     if magic != MAGIC:
-        raise ValueError("not an EXR file")
-    several = bool(version & MULTIPART)
-    parts, at = [], 8
-    while True:
-        start = at
-        attributes, at = _read_header(data, at)
-        parts.append(Part(attributes, slice(start, at), _count_chunks(attributes)))
-        if not several or data[at] == 0:
-            return parts, several, at + several
+        raise ValueError("it does not begin as an EXR file")
+    if version & 0xff != _VERSION or flags & ~(MULTIPART | _TILED | _LONG_NAMES):
+        raise ValueError(f"version {version:#x}")
+    several = bool(flags & MULTIPART)
+    headers: list[_Header] = []
+    while not headers or several:
+        header = _read_header(cursor)
+        if not header.values and headers:
+            break
+        headers.append(header)
+    found: list[Part] = []
+    counts = [_read_part(header, bool(flags & _TILED) and not several, tiles, found) for header in headers]
+    if sum(len(part.channels) for part in found) > _MOST_CHANNELS:
+        raise ValueError(f"more than {_MOST_CHANNELS} channels")
+    places = _find_chunks(foreign, cursor.at, found, counts, several)
+    return [Part(part.values, part.stated, part.window, part.channels, each)
+            for part, each in zip(found, places, strict=True)]
+
+
+def _read_header(cursor: Cursor) -> _Header:
+    header = _Header({}, {}, {})
+    while name := cursor.take_until(b"\0", _MOST_NAME):
+        kind = cursor.take_until(b"\0", _MOST_NAME)
+        size = cursor.take(4)
+        if name in header.values:
+            raise ValueError(f"the attribute {name[:40]!r} twice")
+        value = cursor.take(int.from_bytes(size, "little", signed=True))
+        header.values[name], header.kinds[name] = value, kind
+        header.stated[name] = b"%b\0%b\0%b%b" % (name, kind, size, value)
+    return header
+
+
+def _read_part(header: _Header, is_tiled: bool, tiles: bool, found: list[Part]) -> int:
+    """Add what a header states to ``found``, without the places of its chunks; how many chunks it has."""
+    window = _read_window(header, b"dataWindow")
+    if b"displayWindow" in header.values:
+        _read_window(header, b"displayWindow")
+    if b"lineOrder" in header.values:
+        header.value(b"lineOrder", b"lineOrder", 1)
+    if b"type" in header.values:
+        kind = header.value(b"type", b"string")
+        if kind not in _KINDS:
+            raise ValueError(f"a part of type {kind[:40]!r}")
+        is_tiled = is_tiled or kind == b"tiledimage"
+    if is_tiled and not tiles:
+        raise ValueError("it is stored in tiles")
+    compression = header.value(b"compression", b"compression", 1)[0]
+    if compression not in _LINES_PER_CHUNK:
+        raise ValueError(f"compression {compression}")
+    left, top, right, bottom = window
+    count = (_count_tiles(header, right - left + 1, bottom - top + 1) if is_tiled else
+             -(-(bottom - top + 1) // _LINES_PER_CHUNK[compression]))
+    if b"chunkCount" in header.values:
+        (stated,) = struct.unpack("<i", header.value(b"chunkCount", b"int", 4))
+        if stated != count:
+            raise ValueError(f"{stated} chunks instead of {count}")
+    found.append(Part(header.values, header.stated, window, read_channels(header.value(b"channels", b"chlist")),
+                      np.empty((0, 2), np.int64)))
+    return count
+
+
+def _read_window(header: _Header, name: bytes) -> tuple[int, int, int, int]:
+    left, top, right, bottom = struct.unpack("<4i", header.value(name, b"box2i", 16))
+    if not (-_FARTHEST <= left <= right <= _FARTHEST and -_FARTHEST <= top <= bottom <= _FARTHEST):
+        raise ValueError(f"a window from ({left}, {top}) to ({right}, {bottom})")
+    return left, top, right, bottom
+
+
+def read_channels(value: bytes) -> dict[str, Channel]:
+    """The channels of a header by name, in the order of the file, of the value of its attribute ``channels``.
+
+    Raises ValueError if one is there twice or of an unknown type, or the list does not end.
+    """
+    cursor, found = Cursor(value, Budget()), {}
+    while name := cursor.take_until(b"\0", _MOST_NAME):
+        entry = cursor.take(16)
+        kind, _, across, down = struct.unpack("<iBxxx2i", entry)
+        text = name.decode()
+        if text in found or kind not in _VALUE_BYTES or min(across, down) < 1:
+            raise ValueError(f"the channel {text[:40]!r} of type {kind} at every ({across}, {down}) pixels")
+        found[text] = Channel(kind, (across, down), b"%b\0%b" % (name, entry))
+    if cursor.left or not found:
+        raise ValueError(f"{len(found)} channels, and {cursor.left} bytes after them")
+    return found
+
+
+def _count_tiles(header: _Header, width: int, height: int) -> int:
+    """Tiles of a part, of all its levels."""
+    across, down, mode = struct.unpack("<2IB", header.value(b"tiles", b"tiledesc", 9))
+    levels, rounds_up = mode & 0xf, mode >> 4
+    if not (0 < across <= _FARTHEST and 0 < down <= _FARTHEST and levels <= 2 and rounds_up <= 1):
+        raise ValueError(f"tiles of {across} x {down} px in mode {mode}")
+    if levels == 0:
+        return -(-width // across) * -(-height // down)
+
+    def counts(size: int, tile: int, longest: int) -> list[int]:
+        number = (longest - 1).bit_length() if rounds_up else longest.bit_length() - 1
+        return [-(-max(1, (size + (rounds_up << k) - rounds_up) >> k) // tile) for k in range(number + 1)]
+
+    if levels == 1:
+        longest = max(width, height)
+        return sum(x * y for x, y in zip(counts(width, across, longest), counts(height, down, longest), strict=True))
+    return sum(counts(width, across, width)) * sum(counts(height, down, height))
+
+
+def _find_chunks(foreign: ForeignBytes, table: int, parts: list[Part], counts: list[int], several: bool
+                 ) -> list[np.ndarray]:
+    """Where the chunks of each part begin and end. Raises ValueError for any that cannot be."""
+    count = sum(counts)
+    foreign.budget.charge(_CHUNK_MEMORY * count, "table of chunks")
+    offsets = np.frombuffer(foreign.part(table, 8 * count), "<u8")
+    if not table + 8 * count <= int(offsets.min()) <= int(offsets.max()) < foreign.size:
+        raise ValueError("a chunk lies outside of the file")
+    # A chunk is its part's number (if there are several), its first line or its tile, the size of its data, its data.
+    skip, tiled = 4 if several else 0, {b"tiles" in part.values for part in parts}
+    if len(tiled) > 1:
+        raise ValueError("it is stored partly in tiles")
+    head = skip + (20 if True in tiled else 8)
+    heads = np.frombuffer(b"".join([foreign.part(place, head) for place in offsets.tolist()]), "<i4").reshape(count, -1)
+    number = np.repeat(np.arange(len(parts)), counts)
+    if several and (heads[:, 0] != number).any():
+        raise ValueError("a chunk is of another part")
+    _check_places_in_image(parts, counts, number, heads[:, skip // 4:-1])
+    sizes = heads[:, -1].astype(np.int64)
+    if sizes.min() < 0:
+        raise ValueError(f"a chunk of {sizes.min()} bytes")
+    places = np.stack([offsets.astype(np.int64) + skip, offsets.astype(np.int64) + head + sizes], axis=1)
+    ordered = places[np.argsort(places[:, 0], kind="stable")]
+    if (ordered[1:, 0] - skip < ordered[:-1, 1]).any() or ordered[-1, 1] > foreign.size:
+        raise ValueError("its chunks overlap, or the last is cut off")
+    return np.split(places, np.cumsum(counts)[:-1])
+
+
+def _check_places_in_image(parts: list[Part], counts: list[int], number: np.ndarray, stated: np.ndarray) -> None:
+    """Raise ValueError for chunks of lines that their part, by its ``number``, does not have, or has twice; or of such
+    tiles, which are told apart only."""
+    if stated.shape[1] == 1:
+        tops, steps = (np.array(each, np.int64) for each in zip(*(
+            (part.window[1], _LINES_PER_CHUNK[part.values[b"compression"][0]]) for part in parts), strict=True))
+        place, rest = np.divmod(stated[:, 0].astype(np.int64) - tops[number], steps[number])
+        wrong = rest.any() or (place < 0).any() or (place >= np.array(counts)[number]).any()
+        stated = np.stack([number, place], axis=1)
+    else:
+        wrong = (stated < 0).any()
+        stated = np.concatenate([number[:, None], stated], axis=1)
+    if wrong or len(set(map(tuple, stated.tolist()))) < len(stated):
+        raise ValueError("a chunk is of lines that the image does not have, or that another has")
+
+
+def check_decodable(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
+    """The parts of a file whose values may all be decoded: they fit into its ``decoding_budget``.
+
+    ``tiles`` and errors are as of ``read_layout``.
+    """
+    parts = read_layout(foreign, tiles)
+    budget = decoding_budget(foreign.size)
+    for part in parts:
+        budget.charge(part.decoded_bytes, "pixels")
+    return parts
 
 
 def is_whole(path: Path) -> bool:
     """True if every chunk of a scan-line EXR file, of one part or several, lies within the file."""
     try:
-        data = path.read_bytes()
-        parts, several, table = read_parts(data)
-        offsets = np.frombuffer(data, "<u8", sum(part.chunks for part in parts), table)
-        # A chunk begins with its part (if there are several), its first line and its size in bytes.
-        before_size = 8 if several else 4
-        last = int(offsets.max())
-        (size,) = struct.unpack_from("<i", data, last + before_size)
-        return bool(offsets.min() > 0) and last + before_size + 4 + size <= len(data)
-    except (OSError, ValueError, IndexError, KeyError, struct.error):
+        return bool(read(path, read_layout, KIND, "write it again", most=MOST_BYTES))
+    except IcyMoonError:
         return False

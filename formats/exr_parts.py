@@ -10,11 +10,12 @@ from __future__ import annotations
 import struct
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .exr_layout import MAGIC, MULTIPART, Part, read_parts
+from ..support.foreign_bytes import Budget, ForeignBytes
+from .exr_layout import MAGIC, MULTIPART, check_decodable
 
 _START = struct.Struct("<2i")
 _VERSION, _LONG_NAMES = 2, 0x400
@@ -27,7 +28,7 @@ class Piece:
     """A part of a file: its header's attributes by name, each as it stands in the file, and its chunks, each from its
     first line on."""
 
-    attributes: dict[bytes, bytes]
+    attributes: Mapping[bytes, bytes]
     chunks: list[bytes]
 
     @property
@@ -42,31 +43,10 @@ class Piece:
 
 
 def read_pieces(data: bytes) -> list[Piece]:
-    """The parts of an EXR file. Raises ValueError, IndexError, KeyError or struct.error for what is none."""
-    parts, several, table = read_parts(data)
-    first = np.cumsum([0, *(part.chunks for part in parts)])
-    offsets = np.frombuffer(data, "<u8", int(first[-1]), table)
-    # A chunk is its part's number (if there are several), its first line, the size of its data, its data.
-    skip = 4 if several else 0
-    found = []
-    for k, part in enumerate(parts):
-        chunks = []
-        for offset in offsets[first[k]:first[k + 1]].tolist():
-            start = offset + skip
-            (size,) = struct.unpack_from("<i", data, start + 4)
-            chunks.append(data[start:start + 8 + size])
-        found.append(Piece(_read_attributes(data, part), chunks))
-    return found
-
-
-def _read_attributes(data: bytes, part: Part) -> dict[bytes, bytes]:
-    """Attributes of a part as they stand in the file: name, type, size, value."""
-    at, found = part.header.start, {}
-    for name, value in part.attributes.items():
-        end = data.index(b"\0", at + len(name) + 1) + 5 + len(value)
-        found[name] = data[at:end]
-        at = end
-    return found
+    """The parts of an EXR file of scan lines. Raises ValueError, KeyError or OverBudgetError for what is none, and for
+    one whose values are more than a file of its size may take of memory."""
+    return [Piece(part.stated, [data[begin:end] for begin, end in part.places.tolist()])
+            for part in check_decodable(ForeignBytes(data, len(data), Budget()))]
 
 
 def assemble(parts: Sequence[Piece]) -> bytes:
@@ -88,10 +68,10 @@ def keep_rows(piece: Piece, rows: range) -> tuple[Piece, int]:
     """A part with only those chunks that contain some of ``rows``, counted from the top of the part, and how many rows
     of the first of them come before.
 
-    Raises ValueError for a part of tiles, and for rows that it does not have.
+    Raises ValueError for rows that it does not have.
     """
     left, top, right, bottom = struct.unpack("<4i", piece.value(b"dataWindow"))
-    if b"tiles" in piece.attributes or not 0 <= rows.start < rows.stop <= bottom - top + 1:
+    if not 0 <= rows.start < rows.stop <= bottom - top + 1:
         raise ValueError(f"it has no lines {rows.start} to {rows.stop}")
     placed = sorted((struct.unpack_from("<i", chunk)[0] - top, chunk) for chunk in piece.chunks)
     starts = [start for start, _ in placed]
@@ -100,10 +80,10 @@ def keep_rows(piece: Piece, rows: range) -> tuple[Piece, int]:
     end = starts[after] if after < len(starts) else bottom - top + 1
     chunks = [chunk for _, chunk in placed[first:after]]
     window = struct.pack("<4i", left, top + starts[first], right, top + end - 1)
-    cut = piece.attributes | {b"dataWindow": encode_attribute("dataWindow", "box2i", window)}
+    cut = {**piece.attributes, b"dataWindow": encode_attribute("dataWindow", "box2i", window)}
     if b"chunkCount" in cut:
         cut[b"chunkCount"] = encode_attribute("chunkCount", "int", struct.pack("<i", len(chunks)))
-    return Piece(cut, chunks), rows.start - starts[first]
+    return replace(piece, attributes=cut, chunks=chunks), rows.start - starts[first]
 
 
 def strip_passing(piece: Piece, name: str) -> Piece:
@@ -113,7 +93,7 @@ def strip_passing(piece: Piece, name: str) -> Piece:
     kept.setdefault(b"name", encode_attribute("name", "string", name.encode()))
     kept.setdefault(b"type", encode_attribute("type", "string", b"scanlineimage"))
     kept.setdefault(b"chunkCount", encode_attribute("chunkCount", "int", struct.pack("<i", len(piece.chunks))))
-    return Piece(kept, piece.chunks)
+    return replace(piece, attributes=kept)
 
 
 def encode_attribute(name: str, kind: str, value: bytes) -> bytes:
@@ -126,7 +106,7 @@ def join_files(files: Mapping[str, bytes], less: Callable[[Piece], Piece | None]
 
     The part of a file that has only one, without a name, gets the file's key as name.
 
-    Raises ValueError, IndexError, KeyError or struct.error for what is no EXR file.
+    Raises ValueError, KeyError or OverBudgetError for what is no EXR file.
     """
     return assemble([strip_passing(left, name) for name, data in files.items() for piece in read_pieces(data)
                      if (left := less(piece)) is not None])

@@ -8,9 +8,12 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from ..support.foreign_bytes import inflate
+from .exr_layout import read_channels
 from .exr_parts import Piece, encode_attribute, read_pieces
 
 _LINES = {0: 1, 2: 1, 3: 16}  # in a chunk, by compression
@@ -26,8 +29,12 @@ class Pixels:
     """The values of a part."""
 
     def __init__(self, piece: Piece) -> None:
-        """Raises ValueError if a channel is not of floats, KeyError for another compression."""
-        self._piece, self._stated = piece, _read_channels(piece.value(b"channels"))
+        """Raises ValueError if a channel is not of floats at every pixel, KeyError for another compression."""
+        channels = read_channels(piece.value(b"channels"))
+        for name, channel in channels.items():
+            if channel.kind not in _TYPES or channel.steps != (1, 1):
+                raise ValueError(f"{name[:40]!r} is not of floats, or not of every pixel")
+        self._piece, self._stated = piece, {name: channel.stated for name, channel in channels.items()}
         self.channels = list(self._stated)
         left, self._top, right, bottom = struct.unpack("<4i", piece.value(b"dataWindow"))
         self._compression = piece.value(b"compression")[0]
@@ -40,26 +47,26 @@ class Pixels:
         return np.dtype([(name, _TYPES[_type_of(self._stated[name])], (self._width,)) for name in self.channels])
 
     def decode(self) -> np.ndarray:
-        """Values (height, channel, width) float32."""
+        """Values (height, channel, width) float32. Raises ValueError for chunks of another size."""
         found, stored = np.empty((self._height, len(self.channels), self._width), "<f4"), self._line
         for chunk in self._piece.chunks:
             line = struct.unpack_from("<i", chunk)[0] - self._top
             rows = min(self._lines, self._height - line)
-            lines = np.frombuffer(_inflate(chunk[8:], rows * stored.itemsize), stored)
+            lines = np.frombuffer(_unpack(chunk[8:], rows * stored.itemsize), stored)
             for k, name in enumerate(self.channels):
                 found[line:line + rows, k] = lines[name]
         return found
 
     def encode(self, values: np.ndarray) -> Piece:
         """The part with other values of the same shape."""
-        return Piece(self._piece.attributes, self._encode_chunks(values, self._line))
+        return replace(self._piece, chunks=self._encode_chunks(values, self._line))
 
     def select_channels(self, wanted: Sequence[int]) -> Piece:
         """The part with these of its channels, by their places."""
         stated = b"".join(self._stated[self.channels[k]] for k in wanted) + b"\0"
-        kept = self._piece.attributes | {b"channels": encode_attribute("channels", "chlist", stated)}
+        kept = {**self._piece.attributes, b"channels": encode_attribute("channels", "chlist", stated)}
         line = np.dtype([(name, self._line[name]) for name in (self.channels[k] for k in wanted)])
-        return Piece(kept, self._encode_chunks(self.decode()[:, wanted], line))
+        return replace(self._piece, attributes=kept, chunks=self._encode_chunks(self.decode()[:, wanted], line))
 
     def round_to_half(self, wanted: Collection[int], values: np.ndarray) -> Piece:
         """The part with these of its channels, by their places, as 16-bit floats; ``values`` are of ``decode``."""
@@ -67,16 +74,16 @@ class Pixels:
             stated = self._stated[self.channels[k]]
             self._stated[self.channels[k]] = stated[:-16] + struct.pack("<i", _HALF) + stated[-12:]
         stated = b"".join(self._stated.values()) + b"\0"
-        kept = self._piece.attributes | {b"channels": encode_attribute("channels", "chlist", stated)}
-        return Piece(kept, self._encode_chunks(values, self._line))
+        kept = {**self._piece.attributes, b"channels": encode_attribute("channels", "chlist", stated)}
+        return replace(self._piece, attributes=kept, chunks=self._encode_chunks(values, self._line))
 
     def replace_channels(self, name: str, components: Sequence[str], values: np.ndarray) -> Piece:
         """A part of the same size with other channels: ``name`` and a component, values (height, channel, width)."""
         channels = b"".join(f"{name}.{component}".encode() + _ENTRY for component in components) + b"\0"
-        attributes = self._piece.attributes | {b"name": encode_attribute("name", "string", name.encode()),
-                                               b"channels": encode_attribute("channels", "chlist", channels)}
+        attributes = {**self._piece.attributes, b"name": encode_attribute("name", "string", name.encode()),
+                      b"channels": encode_attribute("channels", "chlist", channels)}
         line = np.dtype([(component, "<f4", (self._width,)) for component in components])
-        return Piece(attributes, self._encode_chunks(values, line))
+        return replace(self._piece, attributes=attributes, chunks=self._encode_chunks(values, line))
 
     def _encode_chunks(self, values: np.ndarray, stored: np.dtype) -> list[bytes]:
         """Chunks of values whose lines are ``stored`` so."""
@@ -88,21 +95,9 @@ class Pixels:
             for k, name in enumerate(stored.names or ()):
                 lines[name] = part[:, k]
             raw = lines.tobytes()
-            data = _deflate(raw) if self._compression else raw
+            data = _pack(raw) if self._compression else raw
             chunks.append(struct.pack("<2i", line, len(data)) + data)
         return chunks
-
-
-def _read_channels(data: bytes) -> dict[str, bytes]:
-    """What is stated of each channel, by name, in the order of the file."""
-    stated, at = {}, 0
-    while data[at] != 0:
-        end = data.index(b"\0", at)
-        name = data[at:end].decode()
-        if _type_of(data[at:end + 17]) not in _TYPES:
-            raise ValueError(f"{name} is not of floats")
-        stated[name], at = data[at:end + 17], end + 17
-    return stated
 
 
 def _type_of(stated: bytes) -> int:
@@ -110,11 +105,11 @@ def _type_of(stated: bytes) -> int:
     return int(struct.unpack_from("<i", stated, len(stated) - 16)[0])
 
 
-def _inflate(data: bytes, size: int) -> bytes:
+def _unpack(data: bytes, size: int) -> bytes:
     """A chunk's values; one that did not shrink is stored as it is."""
     if len(data) == size:
         return data
-    steps = np.frombuffer(zlib.decompress(data), np.uint8).copy()
+    steps = np.frombuffer(inflate(data, size), np.uint8).copy()
     steps[1:] -= 128  # bytes are stored as differences about 128, first those at even places, then the others
     halves = np.cumsum(steps, dtype=np.uint8)
     whole = np.empty_like(halves)
@@ -123,7 +118,7 @@ def _inflate(data: bytes, size: int) -> bytes:
     return whole.tobytes()
 
 
-def _deflate(raw: bytes) -> bytes:
+def _pack(raw: bytes) -> bytes:
     whole = np.frombuffer(raw, np.uint8)
     halves = np.concatenate([whole[0::2], whole[1::2]])
     steps = halves.copy()
@@ -135,7 +130,7 @@ def _deflate(raw: bytes) -> bytes:
 def decode_parts(data: bytes) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
     """Of each part of an EXR file the view that it states, if any, and its channels by name, (H, W) float32.
 
-    Raises ValueError, IndexError, KeyError, struct.error or zlib.error for what is damaged or of another kind.
+    Raises ValueError, KeyError or OverBudgetError for what is damaged or of another kind.
     """
     for piece in read_pieces(data):
         pixels = Pixels(piece)
@@ -147,8 +142,7 @@ def decode_parts(data: bytes) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
 def drop_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:
     """A part without the channels of some passes (``LAYER.PASS``), None if it has no other.
 
-    A part that is not of the kind that is read here stays as it is. Raises IndexError, struct.error or zlib.error for
-    what is damaged.
+    A part that is not of the kind that is read here stays as it is. Raises ValueError for what is damaged.
     """
     if piece.name.split("-")[0] in unwanted:
         return None
@@ -164,8 +158,7 @@ def round_passes(piece: Piece, passes: Collection[str]) -> Piece:
     """A part with the values of some passes (``LAYER.PASS``) as 16-bit floats, but for those that would lose more than
     other light of theirs: too large for 16 bits, or so small that these round them by more than one in two thousand.
 
-    A part that is not of the kind that is read here stays as it is. Raises IndexError, struct.error or zlib.error for
-    what is damaged.
+    A part that is not of the kind that is read here stays as it is. Raises ValueError for what is damaged.
     """
     try:
         pixels = Pixels(piece)

@@ -6,8 +6,6 @@ vertices and the shapes of rocks are in the heights, and nothing is blended at e
 
 from __future__ import annotations
 
-import struct
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -27,6 +25,7 @@ from ..nodes.lander.objects import ROLES as LANDER_ROLES
 from ..nodes.scene import Built
 from ..nodes.surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from ..nodes.surface.sun_inputs import prepare_for_cycles
+from ..support.foreign_bytes import OverBudgetError
 from ..typed_settings import WorkspaceSettings
 from . import cycles_settings, passes, separate_lights
 from .cycles_errors import first_line
@@ -250,7 +249,7 @@ def _render(scene: bpy.types.Scene, stem: Path) -> dict[str, np.ndarray]:
                            "written to.")
     try:
         return {name: values for _, channels in decode_parts(file.read_bytes()) for name, values in channels.items()}
-    except (ValueError, IndexError, KeyError, struct.error, zlib.error) as error:
+    except (ValueError, KeyError, OverBudgetError) as error:
         raise IcyMoonError(f"The map that Blender wrote cannot be read ({error}); write it again.") from None
     finally:
         system.remove(file)

@@ -21,7 +21,7 @@ def add_hidden(truth: Mapping[str, Path], between: Mapping[str, Sequence[np.ndar
     """Write the pass ``HIDDEN`` into the files of the truth, by eye: 1 where the point is hidden from the other.
 
     ``between`` are the disparities, by eye, in frames that are each of STEPS_PX to the right. Raises ValueError,
-    IndexError, KeyError, struct.error or zlib.error for a file that Blender did not write.
+    KeyError or OverBudgetError for a file that Blender did not write.
     """
     data = {eye: truth[eye].read_bytes() for eye in EYES}
     disparity = {eye: read_disparity(data[eye], camera) for eye in EYES}

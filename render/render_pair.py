@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import shutil
-import struct
 import time
-import zlib
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
@@ -32,6 +30,7 @@ from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, blur_of
 from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
+from ..support.foreign_bytes import OverBudgetError
 from ..typed_settings import Settings
 from . import cycles_settings, hidden_pixels, passes, separate_lights, unlit
 from .baked_light import Indirect
@@ -310,7 +309,7 @@ def _report_unreadable(planned: PlannedPair) -> Iterator[None]:
     """Raise IcyMoonError if Blender wrote an image that cannot be read."""
     try:
         yield
-    except (ValueError, IndexError, KeyError, struct.error, zlib.error) as error:
+    except (ValueError, KeyError, OverBudgetError) as error:
         raise IcyMoonError(f"The images that Blender wrote of pair {planned.id} cannot be put together ({error}); "
                            "render the pair again.") from None
 

@@ -81,7 +81,9 @@ class Cursor:
     """
 
     def __init__(self, data: bytes | memoryview, budget: Budget, start: int = 0) -> None:
-        self._data, self._at, self._start = memoryview(data).cast("B"), 0, start
+        # Bytes stay bytes: parts of them are taken in half the time.
+        self._data = data if isinstance(data, bytes) else memoryview(data).cast("B")
+        self._at, self._start = 0, start
         self.budget = budget
 
     @property
@@ -96,12 +98,12 @@ class Cursor:
 
     def take(self, count: int) -> bytes:
         """The next bytes. Raises ValueError if there are fewer, or the count is negative."""
-        if count < 0:
-            raise ValueError(f"a size of {count} at byte {self.at}")
-        if count > self.left:
-            raise ValueError(f"it ends {count - self.left} bytes early")
-        self._at += count
-        return bytes(self._data[self._at - count:self._at])
+        at, end = self._at, self._at + count
+        if not at <= end <= len(self._data):
+            raise ValueError(f"a size of {count} at byte {self.at}" if count < 0 else
+                             f"it ends {count - self.left} bytes early")
+        self._at = end
+        return bytes(self._data[at:end])
 
     def skip(self, count: int) -> None:
         """Leave out the next bytes. Raises ValueError as ``take`` does."""
@@ -123,12 +125,14 @@ class Cursor:
 
     def take_until(self, mark: bytes, most: int) -> bytes:
         """The bytes before ``mark``, which is left out. Raises ValueError if it does not follow within ``most``."""
-        window = bytes(self._data[self._at:self._at + most + len(mark)])
-        end = window.find(mark)
+        at, data = self._at, self._data
+        if not isinstance(data, bytes):
+            data, at = bytes(data[at:at + most + len(mark)]), 0
+        end = data.find(mark, at, at + most + len(mark))
         if end < 0:
             raise ValueError(f"no end of the text at byte {self.at}")
-        self._at += end + len(mark)
-        return window[:end]
+        self._at += end - at + len(mark)
+        return data[at:end]
 
     def numbers(self, kind: Any, count: int, what: str = "numbers") -> np.ndarray:
         """The next ``count`` values of a numpy type, as a read-only array without a copy of the bytes."""
@@ -140,7 +144,7 @@ class Cursor:
         if count < 0 or count * dtype.itemsize > self.left:
             raise ValueError(f"{count} {what} at byte {self.at}, with {self.left} bytes left")
         self._at += count * dtype.itemsize
-        return np.frombuffer(self._data[self._at - count * dtype.itemsize:self._at], dtype)
+        return np.frombuffer(memoryview(self._data)[self._at - count * dtype.itemsize:self._at], dtype)
 
 
 class ForeignBytes:

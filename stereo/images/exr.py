@@ -11,10 +11,8 @@ values.
 from __future__ import annotations
 
 import os
-import struct
 import sys
-import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,10 +20,13 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...formats.exr_layout import KIND, MOST_BYTES, check_decodable
 from ...formats.exr_pixels import decode_parts
 from ...labels import BEAUTY, HIDDEN, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, SKY_DEPTH_M, TRUTH
 from ...render.pairs.pair_folder import EYES
 from ...scratch import scratch_folder
+from ...support.foreign_bytes import ForeignBytes, Parsed, explained
+from ...support.foreign_bytes import read as read_foreign
 from ..environment.packages import is_in_blender
 from .exr_passes import only_passes, only_rows, without_passes
 
@@ -34,6 +35,7 @@ GROUP_PASSES = tuple(f"{BEAUTY}.Combined_{group}" for group in LIGHT_GROUPS)
 OBJECT_PASSES = tuple(f"{TRUTH}.{name}" for name in ("Object Index", "IndexOB", INSTANCE_AOV))
 NORMAL_PASSES = tuple(f"{TRUTH}.{name}" for name in ("Normal", NORMAL_AOV))
 
+_FIX = "render the pair again"
 _SEMANTIC = ("Material Index", "IndexMA")  # the pass with the semantic labels, by version
 
 _Channels = dict[tuple[str, str, str], np.ndarray]  # (layer, pass, component) -> (height, width)
@@ -90,7 +92,8 @@ def read_depth(path: Path, eye: str | None = None) -> Truth:
 
 def _truth(channels: _Channels, path: Path) -> Truth:
     with_light = (BEAUTY, "Depth", "Z") in channels  # of a pair that has no other truth
-    depth = _find(channels, BEAUTY if with_light else TRUTH, "Depth", "Z", path).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # a number that is none stays none
+        depth = _find(channels, BEAUTY if with_light else TRUTH, "Depth", "Z", path).astype(np.float64)
     depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
     hidden = channels.get((TRUTH, HIDDEN, "X"))
     return Truth(depth, _normal(channels, path), _instances(channels), _labels(channels, _SEMANTIC),
@@ -120,7 +123,7 @@ def _read_channels(path: Path, eye: str | None, passes: Collection[str] = (), wi
                    rows: range | None = None) -> _Channels:
     """The channels of an eye: all, or at least those of ``passes`` (``LAYER.PASS``), or all but those ``without``."""
     if not path.is_file():
-        raise IcyMoonError(f"{path} is missing; render the pair again.")
+        raise IcyMoonError(f"{path} is missing; {_FIX}.")
     channels: _Channels = {}
     for view_of_part, pixels in _read_parts(path, passes, without, rows):
         for name, values in pixels.items():
@@ -130,7 +133,13 @@ def _read_channels(path: Path, eye: str | None, passes: Collection[str] = (), wi
             if len(words) < 3 or (eye and view and view != eye) or ".".join(words[:2]) in without:
                 continue
             channels[words[0], words[1], words[-1]] = values
+    if len({values.shape for values in channels.values()}) > 1:
+        raise IcyMoonError(f"{path} has parts of unequal size; {_FIX}.")
     return channels
+
+
+def _read_file(path: Path, parse: Callable[[ForeignBytes], Parsed]) -> Parsed:
+    return read_foreign(path, parse, KIND, _FIX, most=MOST_BYTES)
 
 
 def _read_parts(path: Path, passes: Collection[str], without: Collection[str], rows: range | None
@@ -138,10 +147,7 @@ def _read_parts(path: Path, passes: Collection[str], without: Collection[str], r
     """Of each part of a file the view that it states, if any, and its channels by name."""
     if rows is None:
         return _read_whole(path, passes, without)
-    try:
-        data, before = only_rows(_cut(path.read_bytes(), passes, without), rows)
-    except (OSError, ValueError, IndexError, KeyError, struct.error) as error:
-        raise IcyMoonError(f"{path} is not a readable EXR file ({error}); render the pair again.") from None
+    data, before = _read_file(path, lambda foreign: only_rows(_cut(foreign.content(), passes, without), rows))
     with scratch_folder() as folder:
         file = folder / path.name
         file.write_bytes(data)
@@ -158,15 +164,13 @@ def _read_whole(path: Path, passes: Collection[str], without: Collection[str]
         import OpenEXR
     except ImportError:
         return _decode(path, passes, without)
-    try:
-        with silence_openexr(), _make_smaller_file(path, passes, without) as file:
-            parts_announced = len(OpenEXR.File(file, separate_channels=True, header_only=True).parts)
-            parts = OpenEXR.File(file, separate_channels=True).parts
-    except Exception as error:  # the binding raises RuntimeError, ValueError and its own types
-        raise IcyMoonError(f"{path} is not a readable EXR file ({error}); render the pair again.") from None
+    # The library gets only headers and chunks that were checked. It raises RuntimeError, ValueError and its own types.
+    with explained(path, KIND, _FIX), silence_openexr(), _make_smaller_file(path, passes, without) as file:
+        parts_announced = len(OpenEXR.File(file, separate_channels=True, header_only=True).parts)
+        parts = OpenEXR.File(file, separate_channels=True).parts
     # OpenEXR leaves out a part that it cannot decode, and reports that on standard output only.
     if len(parts) < parts_announced:
-        raise IcyMoonError(f"{path} is damaged or incomplete; render the pair again.")
+        raise IcyMoonError(f"{path} is damaged or incomplete; {_FIX}.")
     return [(part.header.get("view") or "", {name: _full(channel.pixels) for name, channel in part.channels.items()})
             for part in parts]
 
@@ -179,22 +183,24 @@ def _full(values: np.ndarray) -> np.ndarray:
 def _decode(path: Path, passes: Collection[str], without: Collection[str]
             ) -> list[tuple[str, dict[str, np.ndarray]]]:
     """The same in numpy, for what Blender writes."""
-    try:
-        return list(decode_parts(_cut(path.read_bytes(), passes, without)))
-    except (OSError, ValueError, IndexError, KeyError, struct.error, zlib.error) as error:
-        raise IcyMoonError(f"{path} is not a readable EXR file ({error}); render the pair again.") from None
+    return _read_file(path, lambda foreign: list(decode_parts(_cut(foreign.content(), passes, without))))
 
 
 @contextmanager
 def _make_smaller_file(path: Path, passes: Collection[str], without: Collection[str]) -> Iterator[str]:
-    """Make a file with only the ``passes`` in ``path``, or those not ``without``, if any are given; gives its name."""
+    """Make a file with only the ``passes`` in ``path``, or those not ``without``, if any are given; gives its name.
+
+    Raises IcyMoonError if the file is damaged, or may not be decoded.
+    """
     if not (passes or without):
+        _read_file(path, check_decodable)
         yield str(path)
         return
+    data = _read_file(path, lambda foreign: _cut(foreign.content(), passes, without))
     # A file, since older versions of the OpenEXR package read no stream.
     with scratch_folder() as folder:
         file = folder / path.name
-        file.write_bytes(_cut(path.read_bytes(), passes, without))
+        file.write_bytes(data)
         yield str(file)
 
 
@@ -209,7 +215,7 @@ def _find(channels: _Channels, layer: str, pass_name: str, component: str, path:
         return channels[layer, pass_name, component]
     except KeyError:
         raise IcyMoonError(f"{path} has no channel {layer}.{pass_name}.{component}; "
-                           "render the pair again.") from None
+                           f"{_FIX}.") from None
 
 
 def _normal(channels: _Channels, path: Path) -> np.ndarray | None:
@@ -237,7 +243,8 @@ def _labels(channels: _Channels, passes: tuple[str, ...]) -> np.ndarray | None:
     for name in passes:
         for layer in (TRUTH, BEAUTY):  # with the light, of a pair that has no other truth
             if (layer, name, "X") in channels:
-                return np.rint(np.nan_to_num(channels[layer, name, "X"])).astype(np.int32)
+                with np.errstate(invalid="ignore"):  # a label that no renderer gives becomes some number
+                    return np.rint(np.nan_to_num(channels[layer, name, "X"])).astype(np.int32)
     return None
 
 

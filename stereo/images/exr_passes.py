@@ -14,7 +14,7 @@ from ...formats.exr_parts import assemble, keep_rows, read_pieces, strip_passing
 def only_passes(data: bytes, passes: Collection[str]) -> bytes:
     """The EXR file ``data`` with only those parts that contain ``passes`` (``LAYER.PASS``); with all if none does.
 
-    Raises ValueError, IndexError, KeyError or struct.error if it is no EXR file.
+    Raises ValueError, KeyError or OverBudgetError if it is no EXR file of scan lines.
     """
     # A part has the name of its pass, in some versions with "-VIEW" at the end, or of its layer.
     layers = {name.split(".")[0] for name in passes}
@@ -38,8 +38,7 @@ def _only_parts(data: bytes, is_wanted: Callable[[str], bool]) -> bytes:
 def only_rows(data: bytes, rows: range) -> tuple[bytes, int]:
     """The EXR file ``data`` with only those chunks that contain some of ``rows``, and how many rows come before them.
 
-    Raises as ``only_passes`` does, and ValueError for a file of tiles, of parts that are not cut alike, or without
-    these rows.
+    Raises as ``only_passes`` does, and ValueError for a file of parts that are not cut alike, or without these rows.
     """
     cut = [keep_rows(part, rows) for part in read_pieces(data)]
     if len({before for _, before in cut}) != 1:

@@ -104,7 +104,7 @@ def test_files_that_are_something_else(tmp_path):
     with pytest.raises(IcyMoonError, match="missing"):
         read_view(tmp_path / "none.exr")
     (tmp_path / "text.exr").write_text("no image at all")
-    with pytest.raises(IcyMoonError, match="not a readable EXR"):
+    with pytest.raises(IcyMoonError, match="is not an EXR file that can be read"):
         read_view(tmp_path / "text.exr")
     channels = {f"Beauty.Combined.{band}": np.ones((4, 6), np.float32) for band in "RGBA"}
     OpenEXR.File({"type": OpenEXR.scanlineimage}, channels).write(str(tmp_path / "flat.exr"))
