@@ -7,11 +7,7 @@ values. Tags and keys: GeoTIFF 1.1 (OGC 19-008r4); GDAL_METADATA and GDAL_NODATA
 
 from __future__ import annotations
 
-import lzma
 import math
-import struct
-import xml.etree.ElementTree as ElementTree
-import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,9 +15,20 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
 from ..physics.mesh.height_map import NO_HEIGHT
-from .tiff import FIX, Directory, Tags, UnreadError, read_directories, read_pixels
+from ..support.foreign_bytes import ForeignBytes, parse_xml
+from ..support.foreign_bytes import read as read_foreign
+from .tiff import (
+    FIX,
+    KIND,
+    MOST_BYTES,
+    Directory,
+    Tags,
+    UnreadError,
+    grant_memory,
+    read_directories,
+    read_pixels,
+)
 
 #: Metres per unit of length by its EPSG code.
 _UNITS_M = {1025: 0.001, 1033: 0.01, 9001: 1.0, 9002: 0.3048, 9003: 1200 / 3937, 9005: 0.3047972654, 9014: 1.8288,
@@ -41,6 +48,10 @@ _VERTICAL = {
 _DEPTHS = {5336, 5612, 5614, 5706, 5715, 5734, 5739, 5789, 5831, *range(5861, 5868), 5873, 6357, 6358, 6359, 7976, 8051,
            8053, 8358, 8378, 8897, 9287, 9288, 9672, 10150, 10151, 10349, 10364, *range(10370, 10380),
            *range(10547, 10553), 10649, 10650, 10678}
+#: GeoKeys: model, kind of raster, map system, unit, its size, vertical system, its unit.
+_KEYS = {1024, 1025, 3072, 3076, 3077, 4096, 4099}
+#: Bytes of GDAL's metadata; a list of some items has some hundreds.
+_MOST_METADATA = 2**20
 _PROJECTED, _GEOGRAPHIC, _USER_DEFINED = 1, 2, 32767
 _POINT = 2  # value of GTRasterTypeGeoKey: coordinates are those of pixel centres
 #: Most that a turned grid may be off over its whole length, in pixels, to be taken for one along the axes.
@@ -67,22 +78,17 @@ class GeoTiff:
 
 def read(path: Path) -> GeoTiff:
     """Read a one-band elevation model. Raises IcyMoonError with the fix where it cannot be read."""
-    try:
-        return _read(path.read_bytes())
-    except UnreadError as error:
-        raise IcyMoonError(f"{path}: {error}") from None
-    except (struct.error, zlib.error, lzma.LZMAError, ElementTree.ParseError, EOFError, KeyError, IndexError,
-            ValueError, TypeError, OverflowError) as error:  # the last two of tags of another type than they have
-        raise IcyMoonError(f"{path}: is not a whole TIFF file ({error}); copy it again or {FIX}") from None
+    return read_foreign(path, _read, KIND, f"copy it again or {FIX}", MOST_BYTES)
 
 
-def _read(data: bytes) -> GeoTiff:
-    images = read_directories(data)
+def _read(foreign: ForeignBytes) -> GeoTiff:
+    grant_memory(foreign)
+    images = read_directories(foreign)
     image = images[0]
     keys = _read_keys(image.tags)
-    heights, number = read_pixels(data, image)
+    heights, number = read_pixels(foreign, image)
     warnings = _clear_missing(heights, number, image.tags.get(42113))
-    warnings += _apply_mask(heights, data, images)
+    warnings += _apply_mask(heights, foreign, images)
     report = _scale_to_metres(heights, image.tags, keys)
     place = _read_placement(image, keys)
     if place is None:
@@ -100,18 +106,15 @@ def _read(data: bytes) -> GeoTiff:
 
 
 def _read_keys(tags: Tags) -> dict[int, Any]:
-    """The GeoKeys by number: a whole number, a float or text."""
-    directory = tags.get(34735, ())
-    doubles, text = tags.get(34736, ()), b"".join(tags.get(34737, ()))
+    """The GeoKeys that are used, by number: a whole number or a float. Raises ValueError for one that is text."""
+    directory, doubles = tags.get(34735, ()), tags.get(34736, ())
     keys: dict[int, Any] = {}
     for k in range(4, len(directory) - 3, 4):
-        key, where, count, value = directory[k:k + 4]
-        if where == 0:
-            keys[key] = value
-        elif where == 34736:
-            keys[key] = float(doubles[value])
-        elif where == 34737:
-            keys[key] = text[value:value + count].decode("latin-1").rstrip("|\0")
+        key, where, _, value = directory[k:k + 4]
+        if key in _KEYS and where not in (0, 34736):
+            raise ValueError(f"GeoKey {key} is no number")
+        if key in _KEYS:
+            keys[key] = float(doubles[value]) if where else value
     return keys
 
 
@@ -127,17 +130,18 @@ def _clear_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any, .
         return [f"its mark of missing heights, {text[:40]!r}, is no number, so none was taken for missing"]
     if math.isfinite(value) and abs(value) < NO_HEIGHT:
         # The text may state a number of the file's type with fewer digits than it has.
-        slack = 2 * float(np.spacing(number.type(abs(value)))) if number.kind == "f" else 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            slack = 2 * float(np.spacing(number.type(abs(value)))) if number.kind == "f" else 0.0
         grid[np.abs(grid - value) <= slack] = np.nan
     return []
 
 
-def _apply_mask(grid: np.ndarray, data: bytes, images: list[Directory]) -> list[str]:
+def _apply_mask(grid: np.ndarray, foreign: ForeignBytes, images: list[Directory]) -> list[str]:
     """Make NaN what the file's own mask calls unknown; warnings about its other images."""
     others = [image for image in images[1:] if not image.is_reduced]
     masks = [image for image in others if image.is_mask and image.shape == grid.shape]
     for image in masks[:1]:
-        grid[read_pixels(data, image)[0] == 0] = np.nan
+        grid[read_pixels(foreign, image)[0] == 0] = np.nan
     count = sum(not image.is_mask for image in others)
     return [f"it holds {count + 1} images, of which the first was read"] if count else []
 
@@ -159,11 +163,14 @@ def _scale_to_metres(grid: np.ndarray, tags: Tags, keys: Mapping[int, Any]) -> t
         raise UnreadError("states a scale of 0 for its heights, which makes it flat; fix it with: gdal_edit -scale")
     if _is_scaled_by_third(tags):
         raise UnreadError(f"scales its heights by the third number of ModelPixelScale; {FIX}")
-    if (scale, offset) != (1.0, 0.0):
-        grid *= scale
-        grid += offset
-    if unit != 1.0:
-        grid *= unit
+    with np.errstate(over="ignore"):
+        if (scale, offset) != (1.0, 0.0):
+            grid *= scale
+            grid += offset
+        if unit != 1.0:
+            grid *= unit
+    if max(abs(scale), abs(offset)) * unit > 1e6:  # else no height leaves the range of numbers
+        grid[~(np.abs(grid) < NO_HEIGHT)] = np.nan
     if (scale, offset, unit) == (1.0, 0.0, 1.0):
         return ()
     return (f"The file states {name}heights of {scale:g} x value + {offset:g}, which is followed",)
@@ -179,11 +186,11 @@ def _is_scaled_by_third(tags: Tags) -> bool:
 def _read_metadata(tags: Tags) -> dict[str, str]:
     """What GDAL_METADATA states about the first band, by role: 'scale', 'offset', 'unittype'."""
     text = _decode_text(tags.get(42112))
-    if "<!" in text:  # entities, which no writer of metadata needs, may unfold without end
+    if "<!" in text or len(text) > _MOST_METADATA:  # entities, which no writer of metadata needs
         raise UnreadError(f"has metadata that are no plain list; {FIX}")
     if not text:
         return {}
-    return {item.get("role", ""): (item.text or "").strip() for item in ElementTree.fromstring(text).iter("Item")
+    return {item.get("role", ""): (item.text or "").strip() for item in parse_xml(text).iter("Item")
             if item.get("sample", "0") == "0"}
 
 

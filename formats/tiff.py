@@ -1,5 +1,8 @@
 """Pixels of a TIFF file, from its bytes: TIFF 6.0 (Adobe 1992) and BigTIFF, strips and tiles, one band.
 
+The file may be anyone's, and far larger than memory: only the tags that are used here are read, only the tiles that a
+window touches, and the values of both are counted before room is made for them.
+
 Whatever compression loses nothing and Python can undo is read: none, deflate, LZW, PackBits, LZMA, and
 ZSTD where Python has ``zstandard``, as official Blenders and Blender as a Python module do. Their
 OpenImageIO is of no use here: its TIFF library is built without ZSTD (measured in 5.0).
@@ -12,26 +15,43 @@ import struct
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ..errors import IcyMoonError
+from ..support.foreign_bytes import Budget, ForeignBytes, RefusedError, read
+
 #: The fix for whatever is not read, as a command.
 FIX = "convert it with: gdal_translate -b 1 -co COMPRESS=DEFLATE in.tif out.tif"
+_CUT = "cut it with: gdal_translate -srcwin LEFT TOP WIDTH HEIGHT in.tif out.tif"
+#: How errors name the format, and the most bytes of a file, of which only the tiles are read that are needed.
+KIND, MOST_BYTES = "a whole TIFF file", 2**40
 #: Largest number of pixels that are read.
 MOST_PIXELS = 2**30
+#: Memory for what is read: this much for any file, and so many bytes for each byte of a larger one. A tile may be
+#: absent, or packed a thousandfold, but the heights of a place are not.
+_MEMORY, _MEMORY_PER_BYTE = 2**28, 64
+#: Bytes of memory for a pixel while it is made a height, and for a value of a tag.
+_PIXEL_MEMORY, _VALUE_MEMORY = 16, 64
 
 _TYPES = {1: "B", 2: "s", 3: "H", 4: "I", 5: "II", 6: "b", 8: "h", 9: "i", 11: "f", 12: "d", 13: "I", 16: "Q",
           17: "q", 18: "Q"}
 _OTHERS = {2: "CCITT", 3: "CCITT", 4: "CCITT", 6: "JPEG", 7: "JPEG", 34887: "LERC", 50000: "ZSTD", 50001: "WebP",
            50002: "JPEG XL", 52546: "JPEG XL"}
 _NUMBERS = ("u1", "u2", "u4", "u8", "i1", "i2", "i4", "i8", "f2", "f4", "f8")
-_MOST_DIRECTORIES = 1000
+_MOST_DIRECTORIES, _MOST_TAGS = 1000, 4096
+#: The tags that anything here or in ``geotiff`` uses; others are left out.
+_USED = {254, 256, 257, 258, 259, 262, 266, 273, 274, 277, 278, 279, 317, 322, 323, 324, 325, 339, 33550, 33922, 34264,
+         34735, 34736, 42112, 42113}
+#: Memory that a decompressor may take for what it remembers.
+_MOST_MEMORY_OF_UNPACKER = 2**27
 
 Tags = dict[int, tuple[Any, ...]]
 
 
-class UnreadError(Exception):
+class UnreadError(RefusedError):
     """A feature of a TIFF file that is not read, as the end of a sentence about the file."""
 
 
@@ -62,59 +82,75 @@ class Directory:
         return bool(self.number(254, 0) & 1)
 
 
-def read_directories(data: bytes) -> list[Directory]:
-    """The images of a TIFF file in their order. Raises struct.error, KeyError or ValueError if it is torn."""
-    order = {b"II": "<", b"MM": ">"}[data[:2]]
-    magic = struct.unpack_from(f"{order}H", data, 2)[0]
+def grant_memory(foreign: ForeignBytes) -> None:
+    """Let what is read of a file take memory in proportion to its size."""
+    foreign.budget = Budget(_MEMORY + _MEMORY_PER_BYTE * foreign.size)
+
+
+def read_directories(foreign: ForeignBytes) -> list[Directory]:
+    """The images of a TIFF file in their order. Raises KeyError, ValueError or OverBudgetError if it is torn."""
+    start = foreign.cursor(0, min(foreign.size, 16))
+    order = {b"II": "<", b"MM": ">"}[start.take(2)]
+    magic = start.number(f"{order}H")
     if magic not in (42, 43):
         raise ValueError(f"magic number {magic}")
     place = f"{order}Q" if magic == 43 else f"{order}I"
-    at = struct.unpack_from(place, data, 8 if magic == 43 else 4)[0]
+    start.skip_to(8 if magic == 43 else 4)
+    at = start.number(place)
     found: list[Directory] = []
     seen = set()
     while at and at not in seen and len(found) < _MOST_DIRECTORIES:
         seen.add(at)
-        tags, end = _read_tags(data, at, order, place)
+        tags, at = _read_tags(foreign, at, order, place)
         found.append(Directory(tags, order))
-        at = struct.unpack_from(place, data, end)[0]
     if not found:
         raise ValueError("no image")
     return found
 
 
-def stores_floats(data: bytes) -> bool:
+def stores_floats(path: Path) -> bool:
     """Whether a file is a TIFF file of floating-point numbers; False for one that is torn, or none."""
     try:
-        return read_directories(data)[0].number(339, 1) == 3
-    except (struct.error, KeyError, ValueError):
+        return read(path, lambda foreign: read_directories(foreign)[0].number(339, 1) == 3, KIND, FIX, MOST_BYTES)
+    except IcyMoonError:
         return False
 
 
-def _read_tags(data: bytes, at: int, order: str, place: str) -> tuple[Tags, int]:
-    """Values of a directory's tags by number, and where it ends."""
+def _read_tags(foreign: ForeignBytes, at: int, order: str, place: str) -> tuple[Tags, int]:
+    """Values of a directory's tags by number, and where the next directory is, 0 if there is none."""
     big = place.endswith("Q")
-    count = struct.unpack_from(f"{order}Q" if big else f"{order}H", data, at)[0]
     head, inline = (f"{order}HHQ", 8) if big else (f"{order}HHI", 4)
-    at += 8 if big else 2
+    length = 8 if big else 2
+    count = foreign.cursor(at, length).number(f"{order}Q" if big else f"{order}H")
+    if count > _MOST_TAGS:
+        raise ValueError(f"{count} tags")
+    cursor = foreign.cursor(at + length, count * (struct.calcsize(head) + inline) + inline)
     tags: Tags = {}
     for _ in range(count):
-        tag, kind, n = struct.unpack_from(head, data, at)
-        at += struct.calcsize(head)
-        if kind in _TYPES:
-            if n > len(data):
-                raise ValueError(f"tag {tag} has {n} values")
-            pattern = f"{order}{n}s" if kind == 2 else order + _TYPES[kind] * n
-            where = struct.unpack_from(place, data, at)[0] if struct.calcsize(pattern) > inline else at
-            tags[tag] = struct.unpack_from(pattern, data, where)
-        at += inline
-    return tags, at
+        tag, kind, n = cursor.unpack(head)
+        value = cursor.take(inline)
+        if tag in _USED and kind in _TYPES:
+            tags[tag] = _read_values(foreign, kind, n, order, place, value)
+    return tags, cursor.number(place)
 
 
-def read_pixels(data: bytes, image: Directory) -> tuple[np.ndarray, np.dtype[Any]]:
+def _read_values(foreign: ForeignBytes, kind: int, n: int, order: str, place: str, value: bytes) -> tuple[Any, ...]:
+    """``n`` values of a tag, which stand in its entry, or where that points to."""
+    unit = order + _TYPES[kind]
+    size = n * struct.calcsize(unit)
+    foreign.budget.charge(size + _VALUE_MEMORY * (1 if kind == 2 else n), "tags")
+    if size > len(value):
+        value = foreign.part(int(struct.unpack(place, value)[0]), size)
+    return struct.unpack(f"{order}{n}s" if kind == 2 else order + _TYPES[kind] * n, value[:size])
+
+
+def read_pixels(foreign: ForeignBytes, image: Directory, window: tuple[range, range] | None = None
+                ) -> tuple[np.ndarray, np.dtype[Any]]:
     """The one band of an image as float64 (rows, columns), NaN where a tile is absent, and its own number type.
 
-    Raises UnreadError if it is of a kind that is not read, and ValueError or an error of the
-    decompressor if the file is torn.
+    Of a ``window`` (rows, columns) only the tiles or strips are read that it touches. Raises UnreadError if the image
+    is of a kind that is not read, OverBudgetError if it is more than a file of its size may take of memory, and
+    ValueError or an error of the decompressor if the file is torn or has no such window.
     """
     number, unpack = _number_type(image), _choose_unpacker(image)
     rows, columns = image.shape
@@ -123,29 +159,45 @@ def read_pixels(data: bytes, image: Directory) -> tuple[np.ndarray, np.dtype[Any
     height = image.number(323, 0) if tiled else min(image.number(278, rows), rows)
     if min(width, height, columns, rows) < 1:
         raise ValueError("no pixels")
-    if rows * columns > MOST_PIXELS:
-        raise UnreadError(f"has {columns} x {rows} pixels, Icy Moon reads {MOST_PIXELS} at most; cut it with: "
-                          "gdal_translate -srcwin LEFT TOP WIDTH HEIGHT in.tif out.tif")
-    if width * height > 4 * MOST_PIXELS:
-        raise ValueError(f"tiles of {width} x {height} pixels")
+    down, right = window or (range(rows), range(columns))
+    if not (0 <= down.start < down.stop <= rows and 0 <= right.start < right.stop <= columns):
+        raise ValueError(f"no window of rows {down.start} to {down.stop} and columns {right.start} to {right.stop}")
+    if len(down) * len(right) > MOST_PIXELS:
+        raise UnreadError(f"has {columns} x {rows} pixels, Icy Moon reads {MOST_PIXELS} at most; {_CUT}")
     offsets, sizes = (image.tags[k] for k in ((324, 325) if tiled else (273, 279)))
     across = -(-columns // width)
-    if len(offsets) != across * -(-rows // height):
+    if not len(offsets) == len(sizes) == across * -(-rows // height):
         raise ValueError(f"{len(offsets)} tiles or strips")
-    grid = np.full((rows, columns), np.nan)
-    for k, (offset, size) in enumerate(zip(offsets, sizes, strict=True)):
-        if size == 0:
-            continue  # a sparse file: the tile is missing
-        top, left = k // across * height, k % across * width
+    row_bytes = -(-width // 8) if number.kind == "b" else width * number.itemsize
+    # A tile is there packed, unpacked and with its prediction undone.
+    foreign.budget.charge(_PIXEL_MEMORY * len(down) * len(right) + 3 * height * row_bytes, "pixels")
+    grid = np.full((len(down), len(right)), np.nan)
+    predictor, packed = image.number(317, 1), image.number(259, 1) != 1
+    columns_of = [(left // width, *_overlap(left, width, right))
+                  for left in range(right.start // width * width, right.stop, width)]
+    for top in range(down.start // height * height, down.stop, height):
         tall = height if tiled else min(height, rows - top)
-        length = tall * (-(-width // 8) if number.kind == "b" else width * number.itemsize)
-        block = unpack(data[offset:offset + size], length)
-        if len(block) < length:
-            raise ValueError(f"a tile or strip of {len(block)} bytes")
-        values = _undo_prediction(block[:length], (tall, width), number, image.number(317, 1))
-        with np.errstate(invalid="ignore"):  # a number that is none stays none
-            grid[top:top + height, left:left + width] = values[:rows - top, :columns - left]
+        length = tall * row_bytes
+        # No compression makes data much longer; what a strip states beyond that is not its own.
+        most = 2 * length + 2**16 if packed else length
+        rows_there, rows_here = _overlap(top, tall, down)
+        for place, columns_there, columns_here in columns_of:
+            k = top // height * across + place
+            if sizes[k] == 0:
+                continue  # a sparse file: the tile is missing
+            block = unpack(foreign.part(offsets[k], min(sizes[k], most)), length)
+            if len(block) < length:
+                raise ValueError(f"a tile or strip of {len(block)} bytes")
+            values = _undo_prediction(block[:length], (tall, width), number, predictor)
+            with np.errstate(invalid="ignore"):  # a number that is none stays none
+                grid[rows_here, columns_here] = values[rows_there, columns_there]
     return grid, number
+
+
+def _overlap(start: int, size: int, wanted: range) -> tuple[slice, slice]:
+    """The part of ``size`` rows (or columns) from ``start`` on that is ``wanted``: there, and in what is wanted."""
+    first, last = max(start, wanted.start), min(start + size, wanted.stop)
+    return slice(first - start, last - start), slice(first - wanted.start, last - wanted.start)
 
 
 def _number_type(image: Directory) -> np.dtype[Any]:
@@ -174,7 +226,7 @@ def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:
         return zstandard
     known: dict[int, Callable[[bytes, int], bytes]] = {
         1: lambda block, length: block, 5: unpack_lzw, 8: _inflate, 32946: _inflate, 32773: _unpack_bits,
-        34925: lambda block, length: lzma.LZMADecompressor().decompress(block, length)}
+        34925: lambda block, length: lzma.LZMADecompressor(memlimit=_MOST_MEMORY_OF_UNPACKER).decompress(block, length)}
     if compression not in known:
         name = _OTHERS.get(compression, f"method {compression}")
         raise UnreadError(f"is compressed with {name}, which Icy Moon does not read here; {FIX}")
@@ -188,8 +240,10 @@ def _find_zstandard() -> Callable[[bytes, int], bytes] | None:
         return None
 
     def unpack(block: bytes, length: int) -> bytes:
-        try:
-            return zstandard.ZstdDecompressor().decompress(block, max_output_size=length)
+        unpacker = zstandard.ZstdDecompressor(max_window_size=_MOST_MEMORY_OF_UNPACKER)
+        try:  # by a stream, since room for the whole is made as the block states it
+            with unpacker.stream_reader(block) as stream:
+                return bytes(stream.read(length))
         except zstandard.ZstdError as error:
             raise ValueError(error) from None
     return unpack

@@ -137,7 +137,7 @@ def _load_map(kind: str, source: MeshImage, name: str) -> Map:
     if found is None:
         image = _unpack_image(source) if source.data else bpy.data.images.load(str(path), check_existing=False)
         # Blender takes floats in a TIFF for sRGB, which nobody writes.
-        floats = path.suffix.lower() in (".tif", ".tiff") and stores_floats(path.read_bytes())
+        floats = path.suffix.lower() in (".tif", ".tiff") and stores_floats(path)
         if floats or (kind != "albedo" and not image.is_float):
             image.colorspace_settings.name = "Non-Color"
         try:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...files import shorten
-from ...formats.tiff import UnreadError, read_directories, read_pixels
+from ...formats import tiff
 from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
 from ..adapters.icymoon_serve import drop_single_axes
 from ..images.bounded_decoding import decode, decode_exr
@@ -91,13 +91,12 @@ def _decode_image(foreign: ForeignBytes) -> np.ndarray:
 
 
 def _parse_tiff_image(foreign: ForeignBytes) -> Encoded:
-    content = foreign.content()
-    image = read_directories(content)[0]
+    image = tiff.read_directories(foreign)[0]
     height, width = image.shape
     # A palette stands for three bands; OpenCV widens small numbers.
     value_bytes = max(4, image.number(277, 1)) * max(1, -(-image.number(258, 8) // 8))
     most = foreign.budget.charge(check_size(width, height) * value_bytes, "pixels")
-    return Encoded(content, width, height, most)
+    return Encoded(foreign.content(), width, height, most)
 
 
 def read_radiance(path: Path) -> np.ndarray:
@@ -189,14 +188,11 @@ def _parse_npz(foreign: ForeignBytes) -> np.ndarray:
 
 
 def _parse_tiff(foreign: ForeignBytes) -> np.ndarray:
-    content = foreign.content()
-    image = read_directories(content)[0]
+    tiff.grant_memory(foreign)
+    image = tiff.read_directories(foreign)[0]
     height, width = image.shape
     check_size(width, height)
-    try:
-        return read_pixels(content, image)[0]
-    except UnreadError as error:
-        raise RefusedError(str(error)) from None
+    return tiff.read_pixels(foreign, image)[0]
 
 
 def read_fields(path: Path, separator: str) -> dict[str, str]:

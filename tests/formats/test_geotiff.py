@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.formats import geotiff, tiff
+from icymoon.support.foreign_bytes import Budget, ForeignBytes
 from tiffs import write_tiff
 
 DATA = Path(__file__).parents[1] / "data" / "heights"
@@ -174,7 +175,7 @@ def test_directories_in_a_circle_end(tmp_path):
     start = int.from_bytes(data[4:8], "little")
     end = start + 2 + 12 * int.from_bytes(data[start:start + 2], "little")
     data[end:end + 4] = start.to_bytes(4, "little")
-    assert len(tiff.read_directories(bytes(data))) == 1
+    assert len(tiff.read_directories(ForeignBytes(bytes(data), len(data), Budget()))) == 1
 
 
 def test_damage_anywhere_is_a_sentence_or_nothing(tmp_path):
