@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import DiskError, IcyMoonError
+from ..support.printer import show_controls
 
 #: What a plug-in adds -> the group of its entry point.
 GROUPS = {kind: f"icymoon.{kind}s" for kind in ("matcher", "landform", "metric", "export")}
@@ -131,7 +132,8 @@ def function_of(plugin: Plugin, loaded: Any, name: str, arguments: str) -> Calla
 
 def summary_of(loaded: Any) -> str:
     """The first line of what a plug-in states about itself."""
-    return next(iter((getattr(loaded, "__doc__", "") or "").strip().splitlines()), "")
+    stated = getattr(loaded, "__doc__", "")
+    return show_controls(next(iter(stated.strip().splitlines()), "")) if isinstance(stated, str) else ""
 
 
 @contextmanager
@@ -139,12 +141,19 @@ def explained(plugin: Plugin, what: str = "failed", fix: str = "correct it, or l
     """Turn whatever a plug-in raises into one sentence that names it, and the line of its source."""
     try:
         yield
-    except (IcyMoonError, DiskError):
+    except (IcyMoonError, DiskError, KeyboardInterrupt, GeneratorExit):
         raise
-    except (Exception, SystemExit) as error:
-        words = " ".join(str(error).split())[:300]
+    except BaseException as error:
+        words = show_controls(" ".join(_words_of(error).split())[:300])
         raise IcyMoonError(f"{plugin.title} {what} ({type(error).__name__}{': ' if words else ''}{words}"
                            f"{_place(plugin, error)}); {fix}.") from None
+
+
+def _words_of(error: BaseException) -> str:
+    try:
+        return str(error)
+    except Exception:  # an error of a plug-in's own kind
+        return "without words"
 
 
 def _place(plugin: Plugin, error: BaseException) -> str:

@@ -12,7 +12,6 @@ from typing import Any
 from ..errors import IcyMoonError
 from ..plugins.installed import Found, find
 from ..support import printer
-from ..support.foreign_bytes import MOST_TEXT, parse_json, read
 from ..terminal import Parser, as_path, run_verb, show_counted_progress, show_progress
 from .environment import packages
 from .export import EXPORTS
@@ -392,6 +391,7 @@ def _export_mitsuba(parsed: argparse.Namespace) -> int:
 def _export_ground(parsed: argparse.Namespace) -> int:
     packages.require("numpy", "rich")
     from ..render.pairs.pair_folder import find_pair_folders, read_pair
+    from ..support.foreign_bytes import MOST_TEXT, parse_json, read
     from .export.ground import export_ground
 
     if parsed.set:

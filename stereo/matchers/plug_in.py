@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -51,8 +52,9 @@ class PluginMatcher:
         self.loaded = load(plugin)
         self.__doc__ = f"{summary_of(self.loaded)} (plug-in, {plugin.release})"
         self._match = function_of(plugin, self.loaded, "match", "left, right, context")
-        self.OPTIONS = (*SEARCH_RANGE, *read_options(plugin, getattr(self.loaded, "OPTIONS", {})))
-        self.COLOUR = bool(getattr(self.loaded, "COLOUR", False))
+        with explained(plugin, "cannot be used", "correct it, or uninstall the package"):
+            self.OPTIONS = (*SEARCH_RANGE, *read_options(plugin, getattr(self.loaded, "OPTIONS", {})))
+            self.COLOUR = bool(getattr(self.loaded, "COLOUR", False))
 
     def settle(self, options: dict[str, Any], ranges: Mapping[str, SearchRange], shape: tuple[int, ...]
                ) -> tuple[dict[str, Any], SearchRange]:
@@ -87,8 +89,9 @@ def checked_disparity(plugin: Plugin, found: Any, shape: tuple[int, ...]) -> np.
     if found.dtype.kind != "f":
         raise IcyMoonError(f"{plugin.title} returned values of the type {found.dtype}; return float32 in px, with NaN "
                            "where nothing was measured.")
-    with np.errstate(over="ignore"):  # infinity is no measurement
-        return found.astype(np.float32)
+    plain = np.ma.filled(found, np.nan) if isinstance(found, np.ma.MaskedArray) else np.asarray(found)
+    with np.errstate(all="ignore"):  # infinity is no measurement
+        return plain.astype(np.float32)
 
 
 def read_options(plugin: Plugin, stated: Any) -> list[Option]:
@@ -115,6 +118,10 @@ def _read_option(plugin: Plugin, key: Any, facts: Any) -> Option:
     if not numeric and not isinstance(default, str):
         raise IcyMoonError(f"{where} has the default {default!r}; give a number, or one of choices that are texts.")
     try:
+        if numeric and not all(math.isfinite(float(facts.get(name, 0))) for name in ("default", "minimum", "maximum")):
+            raise ValueError("a number is not finite")
+        if not (type(facts.get("step", 1)) is int and facts.get("step", 1) >= 1):
+            raise ValueError(f"step is {facts['step']!r}, no whole number from 1 on")
         if numeric and not facts["minimum"] <= default <= facts["maximum"]:
             raise ValueError(f"the default {default} is not between minimum and maximum")
         if facts.get("choices") and default not in facts["choices"]:
@@ -123,5 +130,5 @@ def _read_option(plugin: Plugin, key: Any, facts: Any) -> Option:
                       facts.get("step", 1), tuple(map(str, facts.get("choices", ()))))
     except KeyError as missing:
         raise IcyMoonError(f"{where} is a number without {missing.args[0]}; state minimum and maximum.") from None
-    except (TypeError, ValueError) as error:
+    except (ArithmeticError, TypeError, ValueError) as error:
         raise IcyMoonError(f"{where} cannot be used ({error}).") from None
