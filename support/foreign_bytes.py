@@ -43,6 +43,8 @@ _MOST_READINGS = 4
 _LEAST_PART = 2**16
 #: Members of an archive, bytes of an array's header.
 _MOST_MEMBERS, _MOST_HEADER = 1000, 10_000
+#: Bytes of the list of an archive's members, of the least record at its end, and that are unpacked at a time.
+_MOST_DIRECTORY, _ARCHIVE_END, _UNPACKED_STEP = 2**20, 22, 2**18
 _TEXT_MARKS = {codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32", codecs.BOM_UTF8: "utf-8-sig",
                codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 
@@ -393,8 +395,7 @@ def parse_npz(foreign: ForeignBytes, wanted: Collection[str] | None = None, kind
     Raises ValueError if it is damaged or an array is of another type, OverBudgetError if they are too large.
     """
     data = foreign.content()
-    if data.count(b"PK\x01\x02") > _MOST_MEMBERS:
-        raise ValueError(f"it has more than {_MOST_MEMBERS} members")
+    _check_directory(data)
     found = {}
     with zipfile.ZipFile(io.BytesIO(data)) as archive:
         for member in archive.infolist():
@@ -404,9 +405,27 @@ def parse_npz(foreign: ForeignBytes, wanted: Collection[str] | None = None, kind
             if name in found or member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
                 raise ValueError(f"the member {name[:40]!r} is there twice, or packed in another way")
             size = foreign.budget.charge(member.file_size, "arrays")
-            with archive.open(member) as stream:
-                content = stream.read(size)  # with a number, it never unpacks more
-            found[name] = _read_array(Cursor(content, foreign.budget), kinds)
+            found[name] = _read_array(Cursor(_unpack(archive, member, size), foreign.budget), kinds)
     return found
 
 
+def _check_directory(data: bytes) -> None:
+    """Refuse an archive whose list of members would take long to read: it is read whole before anything else."""
+    end = data.rfind(b"PK\x05\x06", max(0, len(data) - 2**16 - _ARCHIVE_END))
+    if end < 0 or end + _ARCHIVE_END > len(data):
+        raise ValueError("it has no list of members")
+    count, size = struct.unpack_from("<HI", data, end + 10)
+    if count > _MOST_MEMBERS or size > _MOST_DIRECTORY or data.rfind(b"PK\x06\x07", max(0, end - 20), end) >= 0:
+        raise ValueError(f"it has more than {_MOST_MEMBERS} members")
+    if data.count(b"PK\x01\x02", max(0, end - size), end) > _MOST_MEMBERS:
+        raise ValueError(f"it has more than {_MOST_MEMBERS} members")
+
+
+def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, size: int) -> memoryview:
+    """The content of a member of an archive, of ``size`` bytes at most, in steps that stay in the processor's cache."""
+    content, at = bytearray(size), 0
+    with archive.open(member) as stream:
+        while at < size and (part := stream.read(min(_UNPACKED_STEP, size - at))):
+            content[at:at + len(part)] = part
+            at += len(part)
+    return memoryview(content)[:at].toreadonly()

@@ -234,6 +234,17 @@ def test_an_archive_that_unfolds_without_end_is_refused():
             archive.writestr(f"{k}.npy", b"")
     with pytest.raises(ValueError, match="members"):
         parse_npz(foreign(many.getvalue()))
+    # Lists of members that are long, or that are said to be elsewhere, or none at all.
+    small = packed(a=np.zeros(3))
+    end = small.rindex(b"PK\x05\x06")
+    directory = small.index(b"PK\x01\x02")
+    for data in (small[:end], small[:end + 10], small[:directory] + small[directory:end] * 1100 + small[end:],
+                 small[:end + 10] + b"\xff\xff" + small[end + 12:], small + bytes(2**17),
+                 small[:end + 12] + (2**21).to_bytes(4, "little") + small[end + 16:],
+                 small[:end] + b"PK\x06\x07" + bytes(16) + small[end:]):
+        with pytest.raises(IcyMoonError):
+            parse_part(data, "a.npz", parse_npz, "an archive", "save it again")
+    assert parse_npz(foreign(b"before" + small))["a"].tolist() == [0, 0, 0]  # as zipfile takes it
     # A member whose stated size is smaller than what it holds.
     torn = bytearray(packed(a=np.zeros(1000)))
     at = torn.index(b"PK\x01\x02") + 24
