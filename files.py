@@ -19,6 +19,8 @@ from .support.foreign_bytes import MOST_TEXT, decode_text, read_regular
 from .support.printer import show_controls
 
 PART = ".part"
+#: Bytes of a file that its checksum is made of at a time.
+_PART_BYTES = 2**18
 #: What usual file systems take: bytes of a name, characters of a path.
 _LONGEST_NAME, _LONGEST_PATH = 255, 4095
 _FIXES = {errno.ENOSPC: "the disk is full; free some space or choose another folder",
@@ -142,9 +144,12 @@ class _ChangedError(Exception):
 
 
 def sha256(path: Path) -> str:
-    """Checksum of a file's content."""
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    """Checksum of a regular file's content. Raises OSError for any other, such as a pipe that never ends."""
+    found = hashlib.sha256()
+    with system.open_regular(path) as stream:
+        while part := stream.read(_PART_BYTES):
+            found.update(part)
+    return found.hexdigest()
 
 
 def read_checksum(path: Path) -> str:

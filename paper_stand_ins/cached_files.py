@@ -61,7 +61,7 @@ def make_files(item: TextureItem | MeshItem, folder: Path | None = None) -> Path
     Raises IcyMoonError if the folder cannot be written to.
     """
     there = folder or folder_of(item)
-    if not _is_whole(there):
+    if not _is_whole(there, item):
         try:
             _write_all(there, *(_encode_texture(item) if isinstance(item, TextureItem) else _encode_mesh(item)))
         except DiskError as error:
@@ -77,10 +77,11 @@ def relief_m(folder: Path) -> float:
     return float(read_record(folder / _RECORD, _SHAPE, "delete it")["height_m"])
 
 
-def _is_whole(folder: Path) -> bool:
+def _is_whole(folder: Path, item: TextureItem | MeshItem) -> bool:
+    suffixes = [f"_{kind}.png" for kind in item.kinds] if isinstance(item, TextureItem) else [".ply", ".png"]
     try:
         record = read_record(folder / _RECORD, _SHAPE, "delete it")
-        return record["recipe"] == RECIPE and bool(record["sha256"]) and all(
+        return record["recipe"] == RECIPE and record["sha256"].keys() >= {item.stem + end for end in suffixes} and all(
             _checksum(folder / name, (folder / name).stat().st_size, (folder / name).stat().st_mtime_ns) == known
             for name, known in record["sha256"].items())
     except (OSError, IcyMoonError):

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..files import explain_disk_errors, remove_leftover_parts
+from ..system import open_regular
 from .images import colours
 from .images.image_files import write_disparity, write_png
 from .matchers.methods import Method
@@ -44,7 +45,7 @@ def check_output_folder(out: Path, pairs: Iterable[str], openings: Mapping[str, 
 
 def _is_ours(path: Path, begin: bytes) -> bool:
     """Whether a file begins as ours do; a run may have been killed within the first line."""
-    with explain_disk_errors("read", path), path.open("rb") as stream:
+    with explain_disk_errors("read", path), open_regular(path) as stream:
         return begin.startswith(found) if len(found := stream.read(len(begin))) < len(begin) else found == begin
 
 

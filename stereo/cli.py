@@ -391,8 +391,7 @@ def _export_mitsuba(parsed: argparse.Namespace) -> int:
 def _export_ground(parsed: argparse.Namespace) -> int:
     packages.require("numpy", "rich")
     from ..render.pairs.pair_folder import find_pair_folders, read_pair
-    from ..support.foreign_bytes import MOST_TEXT, parse_json, read
-    from .export.ground import export_ground
+    from .export.ground import export_ground, read_geometry
 
     if parsed.set:
         raise IcyMoonError("--set changes the response of the camera, which ground does not have; leave it out.")
@@ -401,8 +400,7 @@ def _export_ground(parsed: argparse.Namespace) -> int:
         folders = export_ground(list(pairs.values()), parsed.out, parsed.format, parsed.blender, parsed.cell_m,
                                 lambda message: show(message) if message["type"] == "progress" else None)
     for folder in folders:
-        facts = read(folder / "geometry.json", lambda file: parse_json(file.text()), "JSON", "export again", MOST_TEXT)
-        for sentence in facts["left_out"]:
+        for sentence in read_geometry(folder)["left_out"]:
             printer.warn(f"{folder.name} is without {sentence}")
     printer.say(str(parsed.out.resolve()))
     return 0

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ...errors import IcyMoonError
 from ...formats.tiff_write import Place, encode_tiff
 from ...render.pairs.pair_folder import StereoCamera
+from ...support.foreign_bytes import MOST_BYTES, ForeignBytes, RefusedError, parse_npy, read
 
 #: From as many points on, a cell's height is known: a median of fewer is no better than one flying point.
 FEWEST_POINTS = 3
 #: From the median absolute deviation to the standard deviation of a normal distribution.
 _NORMAL = 1.4826
+#: Bytes of a file beside its values, and most cells along a side.
+_HEADER, _MOST_CELLS = 2**14, 4096
 _FRAME = "Icy Moon site frame: x east, y north, z up, metres"
 
 
@@ -61,6 +67,21 @@ class Dem:
         """The heights as the bytes of a GeoTIFF in the site's frame."""
         grid = self.grid
         return encode_tiff(self.height_m.astype(np.float32), Place(grid.cell_m, grid.west_m, grid.north_m, _FRAME))
+
+
+def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> np.ndarray:
+    """The numbers of all cells that a file in numpy's format contains: float32 or boolean of this shape, as float64.
+
+    ``fix`` is an imperative without a full stop. Raises IcyMoonError for a file that is missing, damaged, or another.
+    """
+    def parse(foreign: ForeignBytes) -> np.ndarray:
+        found = parse_npy(foreign, "fb")
+        if found.shape != shape or found.dtype not in (np.float32, np.bool_):
+            cells = " x ".join(map(str, shape))
+            raise RefusedError(f"is no map of {cells} cells; {fix}.")
+        return found.astype(np.float64)
+
+    return read(path, parse, "a map of cells", fix, most=min(4 * math.prod(shape) + _HEADER, MOST_BYTES))
 
 
 def points_of(depth_m: np.ndarray, camera: StereoCamera, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -119,6 +140,13 @@ def height_errors(found: Dem, truth_m: np.ndarray, over: np.ndarray) -> dict[str
 
 
 def grid_of(stated: Mapping[str, Any]) -> Grid:
-    """The grid of the entry ``workspace`` of a ``pair.json``."""
-    (rows, columns), (west, north) = stated["shape"], stated["origin_m"]
+    """The grid of the entry ``workspace`` of a ``pair.json``.
+
+    Raises IcyMoonError if it is not of two sides with 1 to 4096 cells, or has no corner.
+    """
+    shape, origin = stated["shape"], stated["origin_m"]
+    if len(shape) != 2 or len(origin) != 2 or not all(0 < side <= _MOST_CELLS for side in shape):
+        raise IcyMoonError(f"pair.json states no workspace of at most {_MOST_CELLS} cells a side; render the pair "
+                           "again.")
+    (rows, columns), (west, north) = shape, origin
     return Grid(float(stated["cell_m"]), int(rows), int(columns), float(west), float(north))

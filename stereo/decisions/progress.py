@@ -16,7 +16,7 @@ import numpy as np
 from ...settings.table import TOPICS
 from ..images.image_files import write_png
 from .change import FEWEST_NULLS, Change, Noise, detect, find_noise, measure_change, region_cells
-from .dem import Grid
+from .dem import Grid, read_cells
 from .pictures import change_picture
 
 #: Settings by which the pairs of a series differ besides light and cameras: which state it is.
@@ -106,8 +106,8 @@ def _step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: Path, di
 
 
 def _detected(own: Mapping[str, _Entry], first: _Entry, state: _Entry, out: Path, disc_m: float) -> dict[str, Any]:
-    true_before, true_after = (_read(out, fact["images"]["truth_dem"]) for fact in (first, state))
-    before, after = (_read(out, own[fact["pair"]]["images"]["dem"]) for fact in (first, state))
+    true_before, true_after = (_read(out, fact, fact["images"]["truth_dem"]) for fact in (first, state))
+    before, after = (_read(out, fact, own[fact["pair"]]["images"]["dem"]) for fact in (first, state))
     found = detect(before, after, true_before, true_after, first["cell_m"], disc_m)
     drawn = Path(own[state["pair"]]["images"]["dem"].replace("_dem.npy", "_change.png"))
     write_png(out / drawn, change_picture(found))
@@ -157,12 +157,12 @@ def _left_region_m3(state: _Entry) -> float:
 def _between(own: Mapping[str, _Entry], first: _Entry, state: _Entry, region_m: Sequence[float],
              out: Path) -> tuple[Change | None, float]:
     """The change from one pair to another, None if too little is known, and the share of the region that is."""
-    heights = [_read(out, own[fact["pair"]]["images"]["dem"]) for fact in (first, state)]
+    heights = [_read(out, fact, own[fact["pair"]]["images"]["dem"]) for fact in (first, state)]
     grid = Grid(first["cell_m"], first["rows"], first["columns"], *first["origin_m"])
     region = region_cells(grid, region_m)
     known = np.isfinite(heights[0] - heights[1])[region]
     return measure_change(heights[0], heights[1], region, grid.cell_m), float(known.mean()) if known.size else 0.0
 
 
-def _read(out: Path, file: str) -> np.ndarray:
-    return np.asarray(np.load(out / file, allow_pickle=False), np.float64)
+def _read(out: Path, fact: _Entry, file: str) -> np.ndarray:
+    return read_cells(out / file, (fact["rows"], fact["columns"]), "delete it and decide again")

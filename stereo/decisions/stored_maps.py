@@ -12,7 +12,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...file_shapes import COUNT, FILE_NAME, FLAG, NUMBER, POSITIVE, TEXT, Each, Maybe, read_record
-from .dem import Grid
+from .dem import Grid, read_cells
 
 #: What a map shows: the margin of a site, the slope under its disc, and how much too high the elevation model is.
 SUITABILITY, SLOPE, HEIGHT_ERROR = "SUITABILITY", "SLOPE", "HEIGHT_ERROR"
@@ -104,17 +104,11 @@ def _values(folder: Path, files: Mapping[str, str], kind: str, grid: Grid, truth
 
 
 def _read_cells(folder: Path, files: Mapping[str, str], name: str, grid: Grid) -> np.ndarray:
-    """Numbers of all cells, float64. No header can make room for more than its file has."""
+    """Numbers of all cells, float64."""
     path = folder / files.get(name, "")
-    if name not in files or not path.resolve().is_relative_to(folder.resolve()):
+    if name not in files or "\0" in files[name] or not path.resolve().is_relative_to(folder.resolve()):
         raise IcyMoonError(f"The decisions in {folder} have no map of this kind; {_FIX}.")
-    try:
-        found = np.load(path, mmap_mode="r", allow_pickle=False)
-    except Exception as error:  # with a damaged header numpy may raise anything
-        raise IcyMoonError(f"{path} is missing or damaged ({error}); {_FIX}.") from None
-    if getattr(found, "shape", None) != (grid.rows, grid.columns) or found.dtype not in (np.float32, np.bool_):
-        raise IcyMoonError(f"{path} is no map of {grid.rows} x {grid.columns} cells; {_FIX}.")
-    return np.array(found, np.float64)
+    return read_cells(path, (grid.rows, grid.columns), _FIX)
 
 
 def _place(chosen: list[int] | None, grid: Grid) -> tuple[int, int] | None:

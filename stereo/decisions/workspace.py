@@ -18,7 +18,7 @@ from ..images.disparity_and_occlusion import scene_depth
 from ..images.exr import read_depth
 from ..measure.by_pixel_class import MATERIAL
 from ..measure.prepare import Prepared
-from .dem import Dem, Grid, grid_of, grid_points, height_errors, mean_by_cell, points_of
+from .dem import Dem, Grid, grid_of, grid_points, height_errors, mean_by_cell, points_of, read_cells
 from .footprints import share_under
 from .reach import find_margins
 from .rules import Rules
@@ -211,14 +211,7 @@ def _lit_pixels(workspace: Workspace) -> np.ndarray:
 
 def _read_heights(pair: Pair, stated: Mapping[str, Any]) -> np.ndarray:
     """The true heights, float64 (2, rows, columns). Raises IcyMoonError if the file is none of ours."""
-    path = pair.folder / stated["file"]
-    try:
-        heights = np.load(path, allow_pickle=False)
-    except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({error}); render the pair again.") from None
-    if heights.shape != (2, *stated["shape"]) or heights.dtype != np.float32:
-        raise IcyMoonError(f"{path} does not contain the heights that pair.json states; render the pair again.")
-    return heights.astype(np.float64)
+    return read_cells(pair.folder / stated["file"], (2, *stated["shape"]), "render the pair again")
 
 
 def _points_of_right_eye(pair: Pair) -> np.ndarray:

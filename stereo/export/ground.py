@@ -15,9 +15,11 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from ...errors import IcyMoonError
-from ...files import read_text, write_json
+from ...file_shapes import TEXT, Each, read_record
+from ...files import write_json
 from ...render.pairs.pair_folder import Pair
 from ...render.plans.planned_pair import PlannedPair
 from ...render.workers.job import Job, blender_command
@@ -26,6 +28,7 @@ from ...scratch import scratch_folder
 from ...settings import changes
 from ...typed_settings import Settings
 
+_GEOMETRY = "geometry.json"
 FORMATS = ("dem", "ply", "obj", "usd")
 Hear = Callable[[Message], None]
 
@@ -55,9 +58,20 @@ def write_grounds(planned: Sequence[PlannedPair], out: Path, kind: str, blender:
     folders = []
     for those in shared.values():
         folders.append(out / those[0].id)
-        file = folders[-1] / "geometry.json"
-        write_json(file, json.loads(read_text(file)) | {"pairs": [each.id for each in those]})
+        write_json(folders[-1] / _GEOMETRY, read_geometry(folders[-1]) | {"pairs": [each.id for each in those]})
     return folders
+
+
+def read_geometry(folder: Path) -> dict[str, Any]:
+    """What ``geometry.json`` of an exported ground contains; ``left_out`` are sentences on what its files lack.
+
+    Raises IcyMoonError if it is missing or damaged.
+    """
+    fix = "export the ground again"
+    try:
+        return dict(read_record(folder / _GEOMETRY, {"left_out": Each(TEXT)}, fix))
+    except FileNotFoundError:
+        raise IcyMoonError(f"{folder / _GEOMETRY} is missing; {fix}.") from None
 
 
 def _key(settings: Settings, kind: str) -> str:

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
+import math
 from pathlib import Path
 
 import numpy as np
+
+from ...errors import IcyMoonError
+from ...support.foreign_bytes import parse_npz, read
+
+_NAME = "disparity"
+#: Bytes of a value at most, and of the header of an array.
+_VALUE, _HEADER = 8, 2**14
 
 
 def read_disparity(path: Path, shape: tuple[int, ...]) -> np.ndarray | None:
     """The float32 disparity that ``image_files.write_disparity`` stored; None if it is damaged or of another shape."""
     try:
-        with path.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            disparity = np.asarray(stored["disparity"])
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error):
+        stored = read(path, lambda foreign: parse_npz(foreign, {_NAME}), "a stored disparity", "evaluate again",
+                      memory=_VALUE * math.prod(shape) + _HEADER)
+    except IcyMoonError:
         return None
-    return disparity if disparity.shape == shape else None
+    disparity = stored.get(_NAME)
+    return disparity if disparity is not None and disparity.shape == shape else None

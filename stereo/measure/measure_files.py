@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from ...errors import IcyMoonError
 from ...physics.random_numbers.seeds import generator
+from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
 from .depth_order import depth_order_disagreement, sampled_disagreement
 from .guiss_reference_code import depth_map_metrics, reference_metrics
 from .metrics import depth_metrics, disparity_metrics, total_metrics, usable
@@ -17,6 +17,11 @@ from .metrics import depth_metrics, disparity_metrics, total_metrics, usable
 SAMPLED_PAIRS = 300_000
 #: Entry of an npz of ``match`` by which the numbers of the reference code know StereoBM.
 BM_MIN_DISPARITY = "bm_min_disparity"
+_DISPARITY = "disparity"
+#: Most bytes that the packed arrays of a file unfold to: 33 million values in single precision.
+_MOST_UNPACKED = 2**27
+#: Beyond what any image has, px.
+_MOST_DISPARITY = 2**20
 
 
 def measure_files(prediction: Path | None, disparity: Path | None, truth: Path, focal_baseline: float | None,
@@ -68,27 +73,34 @@ def _converted(values: np.ndarray, focal_baseline: float) -> np.ndarray:
 
 def _bm_min_disparity(path: Path) -> int | None:
     """The least disparity that the command match has written for StereoBM into an npz; None for any other file."""
-    if not zipfile.is_zipfile(path):
-        return None
-    with np.load(path, allow_pickle=False) as stored:
-        return int(stored[BM_MIN_DISPARITY]) if BM_MIN_DISPARITY in stored.files else None
+    def parse(foreign: ForeignBytes) -> int | None:
+        if not _is_archive(foreign):
+            return None
+        stored = parse_npz(foreign, {BM_MIN_DISPARITY}).get(BM_MIN_DISPARITY)
+        if stored is None:
+            return None
+        if stored.shape != () or not abs(float(stored)) <= _MOST_DISPARITY:
+            raise RefusedError(f"{BM_MIN_DISPARITY} is no disparity; give --bm-min-disparity.")
+        return int(stored)
+
+    return read(path, parse, "an npz file", "match the images again", memory=_MOST_UNPACKED)
 
 
 def read_map(path: Path) -> np.ndarray:
     """Read an array of numbers from an npy file, or ``disparity`` from an npz, as float64. Raises IcyMoonError
     otherwise."""
-    try:
-        loaded = np.load(path, allow_pickle=False)
-        if isinstance(loaded, np.lib.npyio.NpzFile) and "disparity" in loaded.files:
-            loaded = loaded["disparity"]
-    except OSError as error:
-        raise IcyMoonError(f"{path} cannot be read ({error.strerror or error}); give an existing npy file.") from None
-    except (ValueError, EOFError) as error:
-        raise IcyMoonError(f"{path} is not an npy file of numbers ({error}); give one.") from None
-    except Exception as error:  # with a damaged header numpy may raise anything
-        raise IcyMoonError(f"{path} is damaged ({error}); make it again.") from None
-    if not isinstance(loaded, np.ndarray):
-        raise IcyMoonError(f"{path} contains several arrays; give an npy file with one.")
-    if loaded.dtype.kind not in "fiu":
-        raise IcyMoonError(f"{path} contains values of type {loaded.dtype}; give depths in metres as numbers.")
-    return loaded.astype(np.float64)
+    return read(path, _parse_map, "an npy file of numbers", "give an existing one with depths in metres",
+                memory=_MOST_UNPACKED)
+
+
+def _parse_map(foreign: ForeignBytes) -> np.ndarray:
+    if not _is_archive(foreign):
+        return parse_npy(foreign, "fiu").astype(np.float64)
+    stored = parse_npz(foreign, {_DISPARITY}, "fiu")
+    if not stored:
+        raise RefusedError("contains several arrays; give an npy file with one.")
+    return stored[_DISPARITY].astype(np.float64)
+
+
+def _is_archive(foreign: ForeignBytes) -> bool:
+    return foreign.part(0, min(4, foreign.size)) == b"PK\x03\x04"

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -14,6 +17,8 @@ from ...support.foreign_bytes import parse_json
 from ...system import flush_handle
 
 Row = dict[str, Any]
+#: Bytes of the longest row that is read. Those with all metrics have some 10 kB.
+_LONGEST_ROW = 2**24
 #: The entries of every row.
 NAMES: dict[str, Shape] = {"pair": FILE_NAME, "method": TEXT, "key": TEXT}
 
@@ -32,19 +37,25 @@ class RowLog:
         with explain_disk_errors("write", path):
             path.parent.mkdir(parents=True, exist_ok=True)
             with path.open("a+b") as stream:
+                if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
+                    raise OSError(errno.EINVAL, "it is no regular file", str(path))
                 stream.seek(0)
                 self._index(stream)
 
     def _index(self, stream: BinaryIO) -> None:
         start = 0
-        for line in stream:
+        while line := stream.readline(_LONGEST_ROW):
+            length, first = len(line), line
+            while len(line) == _LONGEST_ROW and not line.endswith(b"\n"):  # no row is so long
+                line = stream.readline(_LONGEST_ROW)
+                length += len(line)
             if not line.endswith(b"\n"):
                 stream.truncate(start)
                 break
-            row = self._parsed(line)
+            row = self._parsed(first) if length == len(first) else None
             if row is not None:
                 self._rows[row["pair"], row["method"]] = start, row["key"]
-            start += len(line)
+            start += length
 
     def find(self, pair: str, method: str, key: str) -> Row | None:
         """The row of a pair and method, if it has this ``key``."""
@@ -55,7 +66,7 @@ class RowLog:
         """The row of a pair and method, which must exist. Raises IcyMoonError if another program removed it."""
         with explain_disk_errors("read", self._path), self._path.open("rb") as stream:
             stream.seek(self._rows[pair, method][0])
-            row = self._parsed(stream.readline())
+            row = self._parsed(stream.readline(_LONGEST_ROW))
         if row is None or (row["pair"], row["method"]) != (pair, method):
             raise IcyMoonError(f"{self._path} was changed by another program while it was in use; evaluate again.")
         return row

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from hostile_arrays import put
 from icymoon import cache, files
 from icymoon.errors import IcyMoonError
 from icymoon.formats import ply
@@ -86,6 +90,36 @@ def test_what_a_killed_process_leaves_is_not_taken(tmp_path):
         assert (folder / "made.json").read_bytes() == known["made.json"]
         for path in folder.iterdir():
             path.unlink()
+
+
+@pytest.mark.parametrize("spoil", [
+    lambda record: record.write_bytes(b""), lambda record: record.write_bytes(b"[" * 50_000),
+    lambda record: record.write_text("{}"), lambda record: put(record, "pipe"), lambda record: put(record, "device"),
+    lambda record: change(record, sha256={}), lambda record: change(record, recipe=RECIPE + 1),
+    lambda record: change(record, height_m=None), lambda record: change(record, sha256={"../x": "0" * 64}),
+    lambda record: change(record, sha256={"made.json": "0" * 64}), lambda record: change(record, recipe=10**400),
+    lambda record: forget(record, "firn_normal.png"), lambda record: put(record.with_name("firn_normal.png"), "pipe"),
+    lambda record: put(record.with_name("firn_normal.png"), "device")])
+def test_a_record_or_an_image_that_is_none_is_made_again(folder, spoil):
+    """In bounded time: the checksum of a pipe or a device would never be known."""
+    cached_files.find_texture_files("FIRN")
+    record = folder / "firn" / "made.json"
+    before = {path.name: path.read_bytes() for path in record.parent.iterdir()}
+    spoil(record)
+    cached_files.find_texture_files("FIRN")
+    assert {path.name: path.read_bytes() for path in record.parent.iterdir()} == before
+
+
+def change(record: Path, **entries: Any) -> None:
+    record.write_text(json.dumps(json.loads(record.read_text()) | entries))
+
+
+def forget(record: Path, name: str) -> None:
+    """As a record of fewer images, one of which is gone."""
+    known = json.loads(record.read_text())["sha256"]
+    del known[name]
+    (record.parent / name).unlink()
+    change(record, sha256=known)
 
 
 @pytest.mark.parametrize("done", [0, 2])

@@ -56,6 +56,15 @@ def test_results_of_other_programs_stay(dataset, tmp_path, name):
     assert (out / name).read_text() == '{"loss": 0.1}\n{"loss": 0.2}'
 
 
+@pytest.mark.parametrize("name", ["results.jsonl", "report.json"])
+def test_a_pipe_in_place_of_results_holds_nothing_up(dataset, tmp_path, name):
+    out = tmp_path / "experiments"
+    out.mkdir()
+    os.mkfifo(out / name)
+    with pytest.raises(IcyMoonError, match=name):
+        evaluate([dataset], parse_methods("bm"), out)
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_a_first_row_that_was_cut_off_is_ours(dataset, tmp_path):
     (tmp_path / "results.jsonl").write_text('{"pair": "a", "meth')

@@ -91,7 +91,7 @@ def test_no_damaged_or_foreign_file_is_read(decided, tmp_path):
     path.write_bytes(good)
     np.save(tmp_path / "outside.npy", np.zeros((30, 30), np.float32))
     for entries in ({"rows": 0}, {"rows": 5000}, {"origin_m": [1.0]}, {"cell_m": 0},
-                    {"images": {"truth_dem": "../outside.npy"}}):
+                    {"images": {"truth_dem": "../outside.npy"}}, {"images": {"truth_dem": "a\0.npy"}}):
         saved = (copy / "pairs" / "a" / "decisions.json").read_text()
         change(copy, **entries)
         with pytest.raises(IcyMoonError, match="press Decide Where to Dig again"):
