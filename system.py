@@ -45,6 +45,8 @@ _STOP = "ICYMOON_STOP"
 #: Environment of a process that computes with images: glibc gives the memory of each array back to Linux and asks for
 #: it again, which takes a tenth of the processor's time, unless it is told to keep that of arrays below 32 MiB.
 KEEPS_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2 ** 25), "MALLOC_TRIM_THRESHOLD_": str(2 ** 29)}
+#: Address space in bytes that a thread may take: its stack, and a part of the heap that glibc keeps for it.
+_OF_A_THREAD = 2**27 + 2**26
 #: By how much a program is nicer that others go before; the class that Windows calls so.
 _NICER, _BELOW_NORMAL = 10, 0x4000
 _LOOK_S, _GRACE_S = 0.25, 3.0
@@ -340,19 +342,21 @@ def peak_memory_mib_of(pid: int) -> float | None:
 
 
 @contextmanager
-def bound_memory_and_time(memory: int, cpu_s: float) -> Iterator[None]:
-    """Bound what this process may take inside the ``with`` statement: so many bytes more than now, else allocating
-    fails; so many seconds of the processor, else it ends, see ``is_ended_by_time_limit``. Linux can; elsewhere nothing
-    is bounded."""
+def bound_memory_and_time(memory: int, cpu_s: float | None = None) -> Iterator[None]:
+    """Bound what this process may take inside the ``with`` statement: so many bytes more than now, and room for the
+    threads of a library, else allocating fails; so many seconds of the processor, if any are stated, else it ends, see
+    ``is_ended_by_time_limit``. Linux can; elsewhere nothing is bounded."""
     if PLATFORM != "linux":
         yield
         return
     import resource
 
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-    used_s = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
-    limits = {resource.RLIMIT_AS: pages * resource.getpagesize() + memory,
-              resource.RLIMIT_CPU: math.ceil(used_s + cpu_s), resource.RLIMIT_CORE: 0}  # whole seconds
+    most_bytes = pages * resource.getpagesize() + memory + _OF_A_THREAD * count_processors()
+    limits = {resource.RLIMIT_AS: most_bytes, resource.RLIMIT_CORE: 0}
+    if cpu_s is not None:
+        used_s = sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
+        limits[resource.RLIMIT_CPU] = math.ceil(used_s + cpu_s)  # whole seconds
     before = {which: resource.getrlimit(which) for which in limits}
     for which, most in limits.items():
         soft, hard = before[which]

@@ -5,21 +5,20 @@ Formats: Stanford PLY, STL (binary and ASCII), Wavefront OBJ, glTF 2.0 (Khronos)
 
 from __future__ import annotations
 
-import json
-import re
-import struct
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
-from urllib.parse import unquote
 
 from ..errors import IcyMoonError
+from ..physics.mesh import stl
+from ..support.foreign_bytes import read
+from . import ply
+from .gltf import find_buffers, read_gltf
 
 FORMATS = {".obj": "OBJ", ".ply": "PLY", ".stl": "STL", ".gltf": "glTF", ".glb": "glTF", ".usd": "USD", ".usda": "USD",
            ".usdc": "USD", ".usdz": "USD", ".fbx": "FBX"}
 _OPENING = 65536
-Fact = TypeVar("Fact")
+#: Statements by one of which an OBJ file is known.
+_OBJ_WORDS = (b"v", b"#", b"o", b"g", b"mtllib")
 #: Measured on a grid of a million triangles that Blender 5.0 wrote: bytes of file per triangle where no header
 #: counts them; seconds and bytes of memory per triangle to read, examine and repair it, on a 2-core server.
 _FILE_BYTES = {".obj": 74.0, ".stl": 250.0, ".fbx": 19.0, ".usda": 160.0}
@@ -67,18 +66,16 @@ def detect_kind(path: Path) -> str:
 
 def read_opening(path: Path) -> bytes:
     """The first bytes of a file. Raises IcyMoonError if it cannot be read."""
-    try:
-        with path.open("rb") as stream:
-            return stream.read(_OPENING)
-    except OSError as error:
-        raise IcyMoonError(f"{path}: cannot be read ({error.strerror}); check source.file.") from None
+    return read(path, lambda foreign: foreign.part(0, min(foreign.size, _OPENING)), "a file", "check source.file",
+                most=ply.MOST_MESH)
 
 
 def _looks_like(kind: str, suffix: str, start: bytes) -> bool:
     if kind == "PLY":
         return start.startswith((b"ply\n", b"ply\r")) and b"end_header" in start
     if kind == "OBJ":
-        return b"\0" not in start and re.search(rb"^\s*(v|#|o|g|mtllib)\s", start, re.MULTILINE) is not None
+        return b"\0" not in start and any(line.split(None, 1)[0] in _OBJ_WORDS for line in start.splitlines()
+                                          if line.strip())
     if kind == "STL":
         return len(start) >= 84 or start.lstrip().startswith(b"solid")
     if suffix == ".glb":
@@ -101,13 +98,10 @@ def estimate_cost(path: Path) -> Cost:
 
 def _read_triangle_count(kind: str, path: Path) -> int | None:
     """The number of triangles that the header states, if it does."""
-    start = read_opening(path)
     if kind == "PLY":
-        stated = re.search(rb"^element face (\d+)", start, re.MULTILINE)
-        return int(stated[1]) if stated else None
-    if kind == "STL" and len(start) >= 84:
-        n = int(struct.unpack_from("<I", start, 80)[0])
-        return n if path.stat().st_size == 84 + 50 * n else None
+        return ply.count_triangles(path)
+    if kind == "STL":
+        return read(path, stl.count_triangles, "an STL file", "export the mesh again", most=ply.MOST_MESH)
     if kind == "glTF":
         return read_gltf(path, lambda document: sum(
             int(document["accessors"][p["indices"]]["count"]) for mesh in document.get("meshes", ())
@@ -115,23 +109,8 @@ def _read_triangle_count(kind: str, path: Path) -> int | None:
     return None
 
 
-def read_gltf(path: Path, facts: Callable[[dict[str, Any]], Fact]) -> Fact:
-    """Facts from the JSON of a .gltf or .glb. Raises IcyMoonError if it is not what glTF demands."""
-    try:
-        with path.open("rb") as stream:
-            if path.suffix.lower() == ".glb":
-                length = struct.unpack("<12xI4x", stream.read(20))[0]
-                return facts(json.loads(stream.read(length)))
-            return facts(json.load(stream))
-    except (OSError, ValueError, struct.error, TypeError, LookupError, AttributeError,
-            RecursionError) as error:
-        raise IcyMoonError(f"{path}: is not a whole glTF file ({type(error).__name__}: {error}); "
-                           "export the mesh again.") from None
-
-
 def find_geometry_files(path: Path) -> list[Path]:
     """The files that a mesh file's geometry lies in: itself, and the buffers of a .gltf."""
     if path.suffix.lower() != ".gltf":
         return [path]
-    uris = read_gltf(path, lambda document: [unquote(b.get("uri", "")) for b in document.get("buffers", ())])
-    return [path, *(path.parent / uri for uri in uris if uri and not uri.startswith("data:"))]
+    return [path, *read_gltf(path, lambda document: find_buffers(path, document))]

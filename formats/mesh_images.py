@@ -16,8 +16,13 @@ from typing import Any
 from urllib.parse import unquote
 
 from ..errors import IcyMoonError
-from .mesh_file import read_gltf, read_opening
+from ..support.foreign_bytes import ForeignBytes, read
+from . import ply
+from .gltf import read_gltf
+from .mesh_file import read_opening
 
+#: Largest material library in bytes.
+_MOST_LIBRARY = 2**22
 #: Kinds of mesh whose images are found.
 KINDS = (".obj", ".gltf", ".glb", ".ply")
 #: Statements of a material library, by the kind of image. ``map_Bump`` is not among them: it is a height in some
@@ -64,9 +69,8 @@ def find_images(path: Path) -> MeshImages:
     if suffix == ".obj":
         return _find_in_obj(path)
     if suffix == ".ply":
-        named = re.findall(rb"^comment TextureFile[ \t]+([^\r\n]+)", read_opening(path).partition(b"end_header")[0],
-                           re.M)
-        return _sort_by_kind(("albedo", MeshImage(_find_beside(path, _decode_text(name)))) for name in named)
+        return _sort_by_kind(("albedo", MeshImage(_find_beside(path, _decode_text(name))))
+                             for name in ply.texture_files(path))
     if suffix in (".gltf", ".glb"):
         return _sort_by_kind(read_gltf(path, lambda document: list(_find_in_gltf(path, document))))
     return MeshImages({})
@@ -109,18 +113,20 @@ def _find_beside(path: Path, name: str) -> Path:
 
 
 def _find_in_obj(path: Path) -> MeshImages:
-    named = re.findall(rb"^[ \t]*mtllib[ \t]+([^\r\n]+)", read_opening(path), re.M)
+    statements = (line.split(None, 1) for line in read_opening(path).splitlines())
+    named = [words[1] for words in statements if len(words) == 2 and words[0] == b"mtllib"]
     libraries = tuple(_find_beside(path, _decode_text(name)) for name in named) or (path.with_suffix(".mtl"),)
     there = tuple(library for library in libraries if named or library.is_file())
-    return _sort_by_kind((image for library in there if library.is_file() for image in _read_library(library)), there)
+    return _sort_by_kind([image for library in there if library.is_file() for image in _read_library(library)], there)
 
 
-def _read_library(path: Path) -> Iterator[tuple[str, MeshImage]]:
-    try:
-        lines = path.read_bytes().splitlines()
-    except OSError as error:
-        raise IcyMoonError(f"{path}: cannot be read ({error.strerror}); check source.file.") from None
-    for line in lines:
+def _read_library(path: Path) -> list[tuple[str, MeshImage]]:
+    return read(path, lambda foreign: list(_parse_library(path, foreign)), "a material library", "check source.file",
+                most=_MOST_LIBRARY)
+
+
+def _parse_library(path: Path, foreign: ForeignBytes) -> Iterator[tuple[str, MeshImage]]:
+    for _, line in foreign.lines():
         statement, _, rest = _decode_text(line).partition(" ")
         if statement.lower() not in _MTL:
             continue
@@ -197,12 +203,8 @@ def _find_binary_start(path: Path) -> int:
 
 
 def _read_bytes(path: Path, begin: int, length: int) -> bytes:
-    try:
-        with path.open("rb") as stream:
-            stream.seek(begin)
-            return stream.read(length)
-    except OSError as error:
-        raise IcyMoonError(f"{path}: cannot be read ({error.strerror}); check source.file.") from None
+    return read(path, lambda foreign: foreign.part(begin, length), "a mesh with its images in it",
+                "export the mesh again", most=ply.MOST_MESH)
 
 
 def _decode_uri(path: Path, uri: str) -> bytes:

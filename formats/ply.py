@@ -8,59 +8,336 @@ them.
 
 from __future__ import annotations
 
-import itertools
+import functools
+import struct
+from array import array
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from ..files import write_atomically
+from ..files import shorten, write_atomically
 from ..physics.mesh.check import find_equal_rows
+from ..support.foreign_bytes import ForeignBytes, read
 
 _TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
           "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
           "double": "f8", "float64": "f8"}
+#: The letters of ``struct`` for them.
+_CODES = {"i1": "b", "u1": "B", "i2": "h", "u2": "H", "i4": "i", "u4": "I", "f4": "f", "f8": "d"}
 _ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 #: What programs call the texture coordinates of a vertex.
 _VERTEX_UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("tx", "ty"))
 
 
+#: Largest header in bytes, and the largest number of rows of an element.
+_MOST_HEADER, _MOST_ROWS = 2**16, 2**40
+#: Rows, and bytes of rows with lists, that are looked at together; longest row of a text in bytes.
+_ROWS, _TOGETHER, _LONGEST_ROW = 2**16, 2**22, 2**20
+#: Largest mesh file in bytes, of which never all is in memory at once.
+MOST_MESH = 2**36
+#: Lists and numbers that are numbers of vertices.
+_FACE_LISTS = ("vertex_indices", "vertex_index")
+_VERTEX_NUMBERS = {*(("face", name) for name in _FACE_LISTS), ("edge", "vertex1"), ("edge", "vertex2")}
+_FIX = "export the mesh again"
+
+
+@dataclass(frozen=True)
+class _Property:
+    """A property: its name, the numpy type of its values, and of their number if it is a list."""
+
+    name: str
+    kind: str
+    count_kind: str | None = None
+
+
+@dataclass(frozen=True)
+class _Element:
+    """``count`` rows of properties."""
+
+    name: str
+    count: int
+    properties: tuple[_Property, ...]
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether it has no list."""
+        return all(each.count_kind is None for each in self.properties)
+
+    @property
+    def least_bytes(self) -> int:
+        """Bytes of a row whose lists are empty."""
+        return sum(np.dtype(each.count_kind or each.kind).itemsize for each in self.properties)
+
+    def row_type(self, order: str) -> np.dtype[np.void]:
+        """The type of a row without lists."""
+        return np.dtype([(each.name, order + each.kind) for each in self.properties])
+
+
 @dataclass(frozen=True)
 class _Header:
-    """``elements`` are name, count and the words of each property; the data begin at byte ``start``."""
+    """The data begin at byte ``start``, after ``lines`` lines; ``order`` is that of numpy's types, empty for ASCII."""
 
-    encoding: str
-    elements: tuple[tuple[str, int, tuple[tuple[str, ...], ...]], ...]
+    order: str
+    elements: tuple[_Element, ...]
     start: int
-    comments: tuple[tuple[str, ...], ...]  # the words of each
+    lines: int
+    comments: tuple[bytes, ...]
 
 
-def _read_header(path: Path) -> _Header | None:
-    """The header, or None if it is not whole."""
-    with path.open("rb") as stream:
-        lines = (line.decode("latin-1").strip() for line in stream)
-        header = [line.split() for line in itertools.takewhile(lambda line: line != "end_header", lines) if line]
-        start = stream.tell()
-    encoding = next((line[1] for line in header if line[0] == "format" and len(line) > 1), "")
-    elements: list[tuple[str, int, list[tuple[str, ...]]]] = []
-    for line in header:
-        if line[0] == "element":
-            if len(line) < 3:
-                return None
-            elements.append((line[1], int(line[2]), []))
-        elif line[0] == "property" and elements:
-            elements[-1][2].append(tuple(line[1:]))
-    comments = tuple(tuple(line[1:]) for line in header if line[0] == "comment")
-    return _Header(encoding, tuple((name, count, tuple(own)) for name, count, own in elements), start, comments)
+def _parse_header(foreign: ForeignBytes) -> _Header:
+    """The header. Raises ValueError, with the line, for one that states what cannot be."""
+    head = foreign.part(0, min(foreign.size, _MOST_HEADER))
+    elements: list[tuple[str, int, list[_Property]]] = []
+    comments: list[bytes] = []
+    encoding, start = "", 0
+    for number, raw in enumerate(head.splitlines(keepends=True), 1):
+        start += len(raw)
+        words = raw.decode("latin-1").split()
+        if words == ["end_header"]:
+            break
+        if not words or number == 1:
+            continue
+        if words[0] == "format" and len(words) > 1:
+            encoding = words[1]
+        elif words[0] == "comment":
+            comments.append(raw.strip().removeprefix(b"comment").strip())
+        elif words[0] == "element":
+            if len(words) < 3 or not _is_count(words[2]):
+                raise ValueError(f"line {number} of the header is no element with the number of its rows")
+            elements.append((words[1], int(words[2]), []))
+        elif words[0] == "property" and elements:
+            elements[-1][2].append(_parse_property(words, number))
+    else:
+        raise ValueError("its header has no end")
+    if encoding not in ("ascii", *_ORDERS):
+        raise ValueError(f"its format is {shorten(encoding)!r}")
+    for name, _, properties in elements:
+        if len({each.name for each in properties}) < len(properties):
+            raise ValueError(f"its element {shorten(name)!r} has two properties of one name")
+    return _Header(_ORDERS.get(encoding, ""), tuple(_Element(name, count, tuple(own)) for name, count, own in elements),
+                   start, number, tuple(comments))
+
+
+def _is_count(word: str) -> bool:
+    return word.isascii() and word.isdecimal() and len(word) < 20 and int(word) <= _MOST_ROWS
+
+
+def _parse_property(words: list[str], number: int) -> _Property:
+    is_list = words[1:2] == ["list"]
+    kinds = [_TYPES.get(word, "") for word in (words[2:-1] if is_list else words[1:-1])]
+    if len(kinds) != 1 + is_list or not all(kinds) or (is_list and kinds[0][0] == "f"):
+        raise ValueError(f"line {number} of the header is no property with its type")
+    return _Property(words[-1], kinds[-1], kinds[0] if is_list else None)
+
+
+def count_triangles(path: Path) -> int | None:
+    """The number of faces that the header of a file states, None if it states none. Raises IcyMoonError."""
+    header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH)
+    return next((element.count for element in header.elements if element.name == "face"), None)
+
+
+def texture_files(path: Path) -> list[bytes]:
+    """The names of images in comments of the header, as VCGlib writes them. Raises IcyMoonError."""
+    header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH)
+    return [words[1] for text in header.comments if len(words := text.split(None, 1)) == 2
+            and words[0] == b"TextureFile"]
+
+
+def check(foreign: ForeignBytes) -> None:
+    """Compare the data with what the header states, before a library makes room for it.
+
+    Raises ValueError, with the line, for rows that are not there, values that are no numbers, and faces and edges with
+    vertices that are not there.
+    """
+    header = _parse_header(foreign)
+    if bare := next((each for each in header.elements if each.count and not each.properties), None):
+        raise ValueError(f"its element {shorten(bare.name)!r} has rows without a property")
+    least = sum(element.count * (element.least_bytes if header.order else 2 * max(1, len(element.properties)))
+                for element in header.elements)
+    # The last number of a text needs no end of its line.
+    if header.start + least > foreign.size + (0 if header.order else 1):
+        raise ValueError(f"its header states rows of at least {least} bytes, but {foreign.size - header.start} follow")
+    vertices = sum(element.count for element in header.elements if element.name == "vertex")
+    if not header.order:
+        _check_text(foreign, header, vertices)
+        return
+    at = header.start
+    for element in header.elements:
+        if element.is_plain:
+            _check_plain(foreign, at, element, header.order, vertices)
+            at += element.count * element.least_bytes
+        else:
+            at = _check_lists(foreign, at, element, header.order, vertices)
+
+
+def _check_range(name: str, values: np.ndarray, lowest: int, vertices: int, row: int) -> None:
+    if values.size and not (values.min() >= lowest and values.max() < vertices):
+        wrong = values[(values < lowest) | (values >= vertices)].ravel()[0]
+        raise ValueError(f"row {row} of the element {name}, or one soon after, has vertex {wrong}, and the vertices "
+                         f"are 0 to {vertices - 1}")
+
+
+def _lowest(element: _Element, name: str) -> int | None:
+    """The lowest number of a vertex that a property may have, None if it is no such number."""
+    if (element.name, name) in _VERTEX_NUMBERS:
+        return 0
+    return -1 if element.name == "tristrips" and name in _FACE_LISTS else None  # -1 begins another strip
+
+
+def _check_plain(foreign: ForeignBytes, at: int, element: _Element, order: str, vertices: int) -> None:
+    kind = element.row_type(order)
+    names = [each.name for each in element.properties if _lowest(element, each.name) is not None]
+    for row in range(0, element.count if names else 0, _ROWS):
+        count = min(_ROWS, element.count - row)
+        table = np.frombuffer(foreign.part(at + row * kind.itemsize, count * kind.itemsize), kind)
+        for name in names:
+            _check_range(element.name, table[name], 0, vertices, row)
+
+
+def _check_lists(foreign: ForeignBytes, at: int, element: _Element, order: str, vertices: int) -> int:
+    """Check the rows of an element with lists, and give the place after them: together while they are of one length."""
+    row, kind = 0, _type_of_first_row(foreign, at, element, order)
+    lengths = {name: kind[name].shape[0] for name in kind.names or () if f"length of {name}" in (kind.names or ())}
+    while row < element.count:
+        count = min(element.count - row, max(1, _TOGETHER // kind.itemsize))
+        if at + count * kind.itemsize > foreign.size:
+            break
+        table = np.frombuffer(foreign.part(at, count * kind.itemsize), kind)
+        if any((table[f"length of {name}"] != length).any() for name, length in lengths.items()):
+            break
+        for each in element.properties:
+            if (lowest := _lowest(element, each.name)) is not None:
+                _check_range(element.name, table[each.name], lowest, vertices, row)
+        at += count * kind.itemsize
+        row += count
+    return at if row == element.count else _check_rows(foreign, at, element, order, vertices, row)
+
+
+def _type_of_first_row(foreign: ForeignBytes, at: int, element: _Element, order: str) -> np.dtype[np.void]:
+    """The type of a row whose lists are as long as those of the row at a place."""
+    fields: list[tuple[str, str, tuple[int, ...]]] = []
+    for each in element.properties:
+        length = 1
+        if each.count_kind is not None:
+            size = np.dtype(each.count_kind).itemsize
+            length = int(np.frombuffer(foreign.part(at, size), order + each.count_kind)[0]) if element.count else 0
+            _check_length(length, at)
+            fields.append((f"length of {each.name}", order + each.count_kind, ()))
+            at += size
+        fields.append((each.name, order + each.kind, (length,)))
+        at += length * np.dtype(each.kind).itemsize
+        if at > foreign.size:
+            raise ValueError(f"it ends {at - foreign.size} bytes early")
+    return np.dtype(fields)
+
+
+def _check_length(length: int, at: int) -> None:
+    if length < 0:
+        raise ValueError(f"a list of {length} values at byte {at}")
+
+
+def _check_rows(foreign: ForeignBytes, at: int, element: _Element, order: str, vertices: int, row: int) -> int:
+    """Check rows from number ``row`` on one by one, and give the place after them."""
+    data = foreign.part(at, foreign.size - at)
+    plan = [(each, np.dtype(each.kind).itemsize, _lowest(element, each.name)) for each in element.properties]
+    unpack = functools.lru_cache(maxsize=1000)(lambda layout: struct.Struct(layout).unpack_from)
+    place = 0
+    for number in range(row, element.count):
+        for each, size, lowest in plan:
+            length = 1
+            if each.count_kind is not None:
+                (length,) = unpack(order + _CODES[each.count_kind])(data, place)
+                _check_length(length, at + place)
+                place += int(each.count_kind[1])
+            if place + length * size > len(data):
+                raise ValueError(f"it ends {place + length * size - len(data)} bytes early")
+            if lowest is not None and length:
+                values = unpack(f"{order}{length}{_CODES[each.kind]}")(data, place)
+                if not (lowest <= min(values) and max(values) < vertices):
+                    _check_range(element.name, np.array(values), lowest, vertices, number)
+            place += length * size
+    return at + place
+
+
+def _check_text(foreign: ForeignBytes, header: _Header, vertices: int) -> None:
+    lines = foreign.lines(header.start, _LONGEST_ROW)
+    for element in header.elements:
+        if element.is_plain and element.name != "edge":
+            for _ in _number_rows(lines, header, element):
+                pass
+        else:
+            _check_words(lines, header, element, vertices)
+
+
+def _number_rows(lines: Iterator[tuple[int, bytes]], header: _Header, element: _Element) -> Iterator[list[float]]:
+    """The numbers of each row of an element without lists."""
+    width = len(element.properties)
+    for _ in range(element.count):
+        number, line = next(lines, (0, b""))
+        try:
+            row = list(map(float, line.split()))
+        except ValueError:
+            row = []
+        if len(row) < width or b"_" in line:
+            raise _bad_row(header, element, number, line)
+        yield row
+
+
+def _bad_row(header: _Header, element: _Element, number: int, line: bytes, why: str = "") -> ValueError:
+    return ValueError(f"line {header.lines + number} is no row of the element {shorten(element.name)!r}{why}: "
+                      f"{shorten(line[:200].decode('utf-8', 'replace'))!r}" if number else "it ends early")
+
+
+def _check_words(lines: Iterator[tuple[int, bytes]], header: _Header, element: _Element, vertices: int) -> None:
+    """Check the rows of an element that has lists, or numbers of vertices, in ASCII."""
+    lowest = [_lowest(element, each.name) for each in element.properties]
+    only = lowest[0] if len(lowest) == 1 and element.properties[0].kind[0] != "f" else None
+    for _ in range(element.count):
+        number, line = next(lines, (0, b""))
+        try:
+            if b"_" in line:
+                raise ValueError
+            if only is not None:  # by far the most files
+                count, *values = map(int, line.split())
+                if not 0 <= count <= len(values):
+                    raise ValueError
+                found = [(only, values[:count])]
+            else:
+                found = _lists_of(element, lowest, line.split())
+        except (ValueError, IndexError):
+            raise _bad_row(header, element, number, line) from None
+        for least, values in found:
+            if values and not (least <= min(values) and max(values) < vertices):
+                raise _bad_row(header, element, number, line, f", whose vertices are {least} to {vertices - 1}")
+
+
+def _lists_of(element: _Element, lowest: list[int | None], words: list[bytes]) -> list[tuple[int, list[int]]]:
+    """The numbers of vertices in the words of a row, each with the lowest that there may be."""
+    found, at = [], 0
+    for each, least in zip(element.properties, lowest, strict=True):
+        length = 1
+        if each.count_kind is not None:
+            length, at = int(words[at]), at + 1
+        values = words[at:at + length]
+        if length < 0 or len(values) != length:
+            raise ValueError
+        if least is not None:
+            found.append((least, [int(word) for word in values]))
+        else:
+            list(map(float, values))
+        at += length
+    return found
 
 
 def read_comment_number(path: Path, name: str) -> int | None:
-    """The whole number of a comment ``name N``, or None if there is none."""
-    header = _read_header(path)
-    comments = header.comments if header else ()
-    found = next((words[1] for words in comments if words[:1] == (name,) and len(words) == 2), "")
-    return int(found) if found.isascii() and found.isdecimal() else None
+    """The whole number of a comment ``name N``, or None if there is none. Raises IcyMoonError for no PLY file."""
+    header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH)
+    found = next((words[1] for text in header.comments if len(words := text.split()) == 2
+                  and words[0] == name.encode()), b"")
+    return int(found) if _is_count(found.decode("latin-1")) else None
 
 
 def read_vertices(path: Path) -> np.ndarray | None:
@@ -71,23 +348,28 @@ def read_vertices(path: Path) -> np.ndarray | None:
 def read_properties(path: Path, *wanted: str) -> np.ndarray | None:
     """These properties (n, len(wanted)) float64 of the vertices, or None where the file's layout is not the usual one.
 
-    Usual is: vertices first, each of scalar properties with those ``wanted`` among them.
+    Usual is: vertices first, each of scalar properties with those ``wanted`` among them. Raises IcyMoonError for a file
+    that is none, or has a row that is none.
     """
-    header = _read_header(path)
-    if header is None or not header.elements or header.elements[0][0] != "vertex":
+    return read(path, lambda foreign: _read_properties(foreign, wanted), "a PLY file", _FIX, most=MOST_MESH)
+
+
+def _read_properties(foreign: ForeignBytes, wanted: tuple[str, ...]) -> np.ndarray | None:
+    header = _parse_header(foreign)
+    element = header.elements[0] if header.elements else None
+    if element is None or element.name != "vertex" or not element.is_plain:
         return None
-    _, count, declared = header.elements[0]
-    names = [words[-1] for words in declared]
-    if not set(wanted) <= set(names) or any(words[0] not in _TYPES for words in declared):
+    names = [each.name for each in element.properties]
+    if not set(wanted) <= set(names) or foreign.size < header.start + element.count * element.least_bytes * bool(
+            header.order):
         return None
-    if header.encoding == "ascii":
-        rows = np.loadtxt(_read_rows(path, header.start, 0, count), ndmin=2)
-        return rows[:, [names.index(name) for name in wanted]] if rows.shape == (count, len(names)) else None
-    order = _ORDERS.get(header.encoding)
-    kind = np.dtype([(words[-1], f"{order}{_TYPES[words[0]]}") for words in declared]) if order else None
-    if kind is None or path.stat().st_size < header.start + count * kind.itemsize:
-        return None
-    table = np.memmap(path, kind, "r", header.start, (count,)) if count else np.empty(0, kind)
+    if not header.order:
+        numbers, columns = array("d"), [names.index(name) for name in wanted]
+        for row in _number_rows(foreign.lines(header.start, _LONGEST_ROW), header, element):
+            numbers.extend([row[column] for column in columns])
+        return np.array(numbers).reshape(-1, len(wanted))
+    kind = element.row_type(header.order)
+    table = np.frombuffer(foreign.part(header.start, element.count * kind.itemsize), kind)
     return np.stack([table[name].astype(np.float64) for name in wanted], axis=1)
 
 
@@ -107,81 +389,60 @@ def read_texture_coordinates(path: Path, faces: np.ndarray) -> np.ndarray | None
     return None
 
 
-def _read_rows(path: Path, start: int, skip: int, count: int) -> Iterator[str]:
-    """Lines of an ASCII file's data."""
-    with path.open("rb") as stream:
-        stream.seek(start)
-        for line in itertools.islice(stream, skip, skip + count):
-            yield line.decode("latin-1")
-
-
 def _read_corner_coordinates(path: Path, faces: np.ndarray) -> np.ndarray | None:
-    header = _read_header(path)
-    if header is None or [element[0] for element in header.elements[:2]] != ["vertex", "face"]:
+    table = read(path, _read_face_table, "a PLY file", _FIX, most=MOST_MESH)
+    if table is None:
         return None
-    (_, vertices, of_vertex), (_, count, of_face) = header.elements[:2]
-    names = [words[-1] for words in of_face]
-    corners = next((name for name in names if name in ("vertex_indices", "vertex_index")), None)
-    if not count or corners is None or "texcoord" not in names:
-        return None
-    if any(words[0] not in _TYPES for words in of_vertex):
-        return None
-    if header.encoding == "ascii":
-        table = _read_ascii_table(path, header.start, vertices, count, of_face)
-    else:
-        order = _ORDERS.get(header.encoding)
-        size = sum(np.dtype(_TYPES[words[0]]).itemsize for words in of_vertex)
-        table = _read_binary_table(path, header.start + vertices * size, count, of_face, order) if order else None
-    if table is None or table[corners].shape[1:] != (3,) or table["texcoord"].shape[1:] != (6,):
-        return None
-    uv = table["texcoord"].reshape(-1, 3, 2)
-    if np.array_equal(table[corners], faces):
+    corners, uv = table[0], table[1].reshape(-1, 3, 2)
+    if np.array_equal(corners, faces):
         return uv
-    first, which = find_equal_rows(np.concatenate([table[corners].astype(np.int64), faces]))
-    place = first[which[count:]]  # of each of ``faces`` in the file, whose first triangle like it counts
-    return uv[place] if (place < count).all() else None
+    first, which = find_equal_rows(np.concatenate([corners.astype(np.int64), faces]))
+    place = first[which[len(corners):]]  # of each of ``faces`` in the file, whose first triangle like it counts
+    return uv[place] if (place < len(corners)).all() else None
 
 
-def _read_ascii_table(path: Path, start: int, skip: int, count: int,
-                      declared: tuple[tuple[str, ...], ...]) -> dict[str, np.ndarray] | None:
-    """Columns of each property of faces in ASCII, or None if their lists are not all of one length."""
-    rows = np.loadtxt(_read_rows(path, start, skip, count), ndmin=2)
-    table, at = {}, 0
-    for words in declared:
-        length = 1
-        if words[0] == "list":
-            length = int(rows[0, at])
-            if (rows[:, at] != length).any():
-                return None
-            at += 1
-        table[words[-1]] = rows[:, at:at + length]
-        at += length
-    return table if rows.shape == (count, at) else None
+def _read_face_table(foreign: ForeignBytes) -> tuple[np.ndarray, np.ndarray] | None:
+    """Corners (m, 3) and their texture coordinates (m, 6) of triangles that follow the vertices; None for others."""
+    header = _parse_header(foreign)
+    if [element.name for element in header.elements[:2]] != ["vertex", "face"] or not header.elements[0].is_plain:
+        return None
+    vertex, face = header.elements[:2]
+    names = [each.name for each in face.properties]
+    corners = next((name for name in names if name in _FACE_LISTS), None)
+    if not face.count or corners is None or "texcoord" not in names:
+        return None
+    if header.order:
+        start = header.start + vertex.count * vertex.least_bytes
+        kind = _type_of_first_row(foreign, start, face, header.order)
+        if kind[corners].shape != (3,) or kind["texcoord"].shape != (6,) or (
+                foreign.size < start + face.count * kind.itemsize):
+            return None
+        table = np.frombuffer(foreign.part(start, face.count * kind.itemsize), kind)
+        lengths = {name: kind[name].shape[0] for name in names if f"length of {name}" in (kind.names or ())}
+        alike = all((table[f"length of {name}"] == length).all() for name, length in lengths.items())
+        return (table[corners], table["texcoord"]) if alike else None
+    return _read_text_faces(foreign, header, corners)
 
 
-def _read_binary_table(path: Path, start: int, count: int, declared: tuple[tuple[str, ...], ...],
-                       order: str) -> dict[str, np.ndarray] | None:
-    """The same of faces in binary."""
-    fields: list[tuple[str, str, tuple[int, ...]]] = []
-    lengths = {}
-    with path.open("rb") as stream:  # the first face says how long the lists are
-        stream.seek(start)
-        for words in declared:
-            name, types = words[-1], [order + _TYPES[word] for word in words[:-1] if word != "list"]
+def _read_text_faces(foreign: ForeignBytes, header: _Header, corners: str) -> tuple[np.ndarray, np.ndarray] | None:
+    vertex, face = header.elements[:2]
+    found = {corners: array("d"), "texcoord": array("d")}
+    wanted = {corners: 3, "texcoord": 6}
+    for _, line in islice(foreign.lines(header.start, _LONGEST_ROW), vertex.count, vertex.count + face.count):
+        words, at = line.split(), 0
+        for each in face.properties:
             length = 1
-            if words[0] == "list":
-                length = int(np.frombuffer(stream.read(np.dtype(types[0]).itemsize), types[0])[0])
-                fields.append((f"length of {name}", types[0], ()))
-                lengths[f"length of {name}"] = length
-            fields.append((name, types[-1], (length,)))
-            stream.seek(length * np.dtype(types[-1]).itemsize, 1)
-    kind = np.dtype(fields)
-    if path.stat().st_size < start + count * kind.itemsize:
+            if each.count_kind is not None:
+                length, at = int(words[at]), at + 1
+            if each.name in found:
+                if length != wanted[each.name]:
+                    return None
+                found[each.name].extend(map(float, words[at:at + length]))
+            at += length
+    table = [np.array(found[name]) for name in wanted]
+    if [len(each) for each in table] != [face.count * width for width in wanted.values()]:
         return None
-    table = np.memmap(path, kind, "r", start, (count,))
-    if any((table[name] != length).any() for name, length in lengths.items()):
-        return None
-    return {words[-1]: np.asarray(table[words[-1]]) for words in declared}
+    return table[0].reshape(-1, 3), table[1].reshape(-1, 6)
 
 
 #: A triangle in a binary file of ours.
@@ -201,16 +462,21 @@ def write_triangles(path: Path, vertices: np.ndarray, triangles: np.ndarray, nor
 
 
 def read_triangles(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (n, 3) and triangles (m, 3) of a file that ``write_triangles`` wrote. Raises ValueError for another."""
-    data = path.read_bytes()
-    start = data.find(b"end_header\n") + len(b"end_header\n")
-    lines = data[:start].decode("ascii", "replace").splitlines()
-    counts = [int(line.split()[2]) for line in lines if line.startswith("element ")]
-    width = sum(line.startswith("property float ") for line in lines)
-    if len(counts) != 2 or len(data) - start != 4 * width * counts[0] + _FACE.itemsize * counts[1]:
-        raise ValueError(f"{path} was not written by write_triangles")
-    vertices = np.frombuffer(data, "<f4", width * counts[0], start).reshape(-1, width)
-    faces = np.frombuffer(data, _FACE, counts[1], start + vertices.nbytes)
+    """Positions (n, 3) and triangles (m, 3) of a file that ``write_triangles`` wrote. Raises IcyMoonError for another.
+    """
+    return read(path, _parse_triangles, "a PLY file of ours", "make it again")
+
+
+def _parse_triangles(foreign: ForeignBytes) -> tuple[np.ndarray, np.ndarray]:
+    header = _parse_header(foreign)
+    if [each.name for each in header.elements] != ["vertex", "face"] or header.order != "<":
+        raise ValueError("it has other elements than vertices and faces")
+    cursor = foreign.cursor(header.start)
+    width = len(header.elements[0].properties)
+    vertices = cursor.numbers("<f4", width * header.elements[0].count).reshape(-1, width)
+    faces = cursor.numbers(_FACE, header.elements[1].count)
+    if cursor.left or (faces["count"] != 3).any():
+        raise ValueError("its faces are no triangles")
     return vertices[:, :3], faces["corners"].copy()
 
 

@@ -18,7 +18,14 @@ import numpy as np
 from ... import compat
 from ...errors import IcyMoonError
 from ...formats import ply
-from ...formats.mesh_file import detect_kind
+from ...formats.mesh_checks import check_mesh
+from ...formats.mesh_file import detect_kind, estimate_cost
+from ...system import bound_memory_and_time
+
+#: Most triangles of a ground, with all copies of its meshes.
+_MOST_TRIANGLES = 50_000_000
+#: Memory that an importer may ask for: a multiple of the estimated cost of the mesh, and bytes beside.
+_MEMORY_FACTOR, _MEMORY_BESIDE = 4, 2**31
 
 
 def _data_blocks() -> set[Any]:
@@ -68,13 +75,18 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     kind, unreadable or without faces.
     """
     kind = detect_kind(path)
-    with _enable_importer(kind, path) as (operator, options), open_scratch_scene():
+    check_mesh(path, kind)
+    memory = int(estimate_cost(path).memory_mib * 2**20)
+    # A window is left alone: what else the user has open there needs memory too.
+    limit = (bound_memory_and_time(_MEMORY_FACTOR * memory + _MEMORY_BESIDE) if bpy.app.background else
+             contextlib.nullcontext())
+    with _enable_importer(kind, path) as (operator, options), open_scratch_scene(), limit:
         try:
             operator("EXEC_DEFAULT", filepath=str(path), **options)
         except RuntimeError as error:
             raise IcyMoonError(f"{path}: Blender cannot read it as {kind} ({_last_line(error)}); "
                                "export it again.") from None
-        positions, faces, uv = _read_geometry()
+        positions, faces, uv = _read_geometry(path)
     if kind == "PLY":
         positions, uv = _read_as_written(path, positions, faces, uv)
     if not len(faces):
@@ -91,7 +103,7 @@ def _read_as_written(path: Path, positions: np.ndarray, faces: np.ndarray,
         if written is None or written.shape != positions.shape:
             return positions, uv
         written_uv = ply.read_texture_coordinates(path, faces)
-    except (OSError, ValueError, IndexError):
+    except (ValueError, IndexError):
         return positions, uv
     return written, uv if written_uv is None else written_uv.astype(np.float32)
 
@@ -111,10 +123,10 @@ def _read_corners_uv(mesh: bpy.types.Mesh, loops: np.ndarray) -> np.ndarray | No
     return values.reshape(-1, 2)[loops]
 
 
-def _read_geometry() -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+def _read_geometry(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """All visible meshes of the context's scene as one, with instances and transforms applied; see ``read_mesh``."""
     bpy.context.view_layer.update()
-    positions, faces, offset = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0
+    positions, faces, offset, count = [np.empty((0, 3))], [np.empty((0, 3), np.int32)], 0, 0
     uvs: list[tuple[int, np.ndarray | None]] = []
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
         if instance.object.type != "MESH":
@@ -134,6 +146,10 @@ def _read_geometry() -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         positions.append(points.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])
         faces.append(triangles + np.int32(offset))
         offset += len(mesh.vertices)
+        count += len(triangles)
+        if count > _MOST_TRIANGLES:  # a small file may show one mesh many times
+            raise IcyMoonError(f"{path}: has more than {_MOST_TRIANGLES} triangles with all its copies; leave some "
+                               "out, or make it coarser.")
     uv = None
     if any(each is not None for _, each in uvs):
         uv = np.concatenate([np.full((n, 3, 2), np.nan, np.float32) if each is None else each for n, each in uvs])

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...formats.obj import parse_triangles
+from ...physics.mesh.obj import parse_triangles
 from ...support.foreign_bytes import read
 
 WIDTH_PX, HEIGHT_PX = 1936, 1216
@@ -168,8 +168,7 @@ def _parse_polygons(path: Path, content: str) -> tuple[Polygon, ...]:
 def read_rock(path: Path, number: int) -> Rock:
     """A rock from an OBJ file. Raises IcyMoonError if it is not one, or its size is not that of a rock in metres."""
     rock = Rock(number, *read(path, lambda foreign: parse_triangles(foreign, _MOST_TRIANGLES),
-                              "an OBJ mesh of triangles",
-                              "get the file again"))
+                              "a mesh of triangles in OBJ", "get the file again"))
     if not len(rock.faces) or not np.isfinite(rock.vertices).all():
         raise IcyMoonError(f"{path}: is no mesh of triangles in OBJ; get the file again.")
     size = float(np.ptp(rock.vertices, axis=0).max())

@@ -408,7 +408,7 @@ def test_of_two_layers_the_rendered_one_counts(tmp_path):
     scene.collection.objects.link(item)
     from icymoon.nodes.ground import import_mesh
 
-    _, triangles, found = import_mesh._read_geometry()
+    _, triangles, found = import_mesh._read_geometry(tmp_path)
     assert np.array_equal(triangles, faces)
     assert np.allclose(found, uv)
     # Of a file it is the first, TEXCOORD_0: `seen_by_glb` has another in TEXCOORD_1.

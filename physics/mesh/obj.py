@@ -9,11 +9,12 @@ from array import array
 
 import numpy as np
 
-from ..files import shorten
-from ..support.foreign_bytes import ForeignBytes, RefusedError
+from ...files import shorten
+from ...support.foreign_bytes import LONGEST_LINE, ForeignBytes, RefusedError
 
 #: Bytes that a face may have.
 _OF_A_FACE = b"0123456789/- \t"
+_MOST_LIBRARIES = 100
 
 
 def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[np.ndarray, np.ndarray]:
@@ -59,18 +60,32 @@ def parse_vertex(words: list[bytes], number: int) -> tuple[float, float, float]:
     return x, y, z
 
 
-def check_statements(foreign: ForeignBytes) -> None:
+def check_statements(foreign: ForeignBytes) -> list[bytes]:
     """Compare a file of any size with what Blender's importer takes: it makes zeros of coordinates that are no numbers
-    and leaves out faces.
+    and leaves out faces. Gives the names of its material libraries.
 
     Raises ValueError, with the line, for what is no mesh.
     """
+    before, libraries = b"", list[bytes]()
     for number, line in foreign.lines():
+        if before or line.endswith(b"\\"):  # a statement that goes on in the next line
+            before += line.removesuffix(b"\\") + b" "
+            if len(before) > LONGEST_LINE:
+                raise ValueError(f"the statement that goes on in line {number} has more than {LONGEST_LINE} bytes")
+            if line.endswith(b"\\"):
+                continue
+            line, before = before, b""
         start = line[:2]
-        if start == b"v " or start == b"v\t":
-            parse_vertex(line.split(None, 4), number)
-        elif (start == b"f " or start == b"f\t") and line.translate(None, _OF_A_FACE) not in (b"f", b"f\\"):
+        if start in (b"v ", b"v\t"):
+            parse_vertex(line.partition(b"#")[0].split(None, 4), number)
+        elif start in (b"f ", b"f\t") and line.translate(None, _OF_A_FACE) != b"f" and (
+                line.partition(b"#")[0].translate(None, _OF_A_FACE) != b"f"):
             raise ValueError(f"the face of line {number} is not of numbers of vertices: {_quote(line.split()[1:])}")
+        elif start == b"mt" and line.startswith(b"mtllib"):
+            libraries.append(line.removeprefix(b"mtllib").strip())
+            if len(libraries) > _MOST_LIBRARIES:
+                raise ValueError(f"it names more than {_MOST_LIBRARIES} material libraries")
+    return libraries
 
 
 def _index(word: bytes, count: int, number: int) -> int:
