@@ -249,6 +249,8 @@ def _check_rows(foreign: ForeignBytes, at: int, element: _Element, order: str, v
         for each, size, lowest in plan:
             length = 1
             if each.count_kind is not None:
+                if place + int(each.count_kind[1]) > len(data):
+                    raise ValueError("it ends early")
                 (length,) = unpack(order + _CODES[each.count_kind])(data, place)
                 _check_length(length, at + place)
                 place += int(each.count_kind[1])
