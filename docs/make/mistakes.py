@@ -82,7 +82,7 @@ MISTAKES: dict[str, tuple[Mistake, ...]] = {
                 "frost.png: there is no such file",
                 "check textures.albedo_file"),
         Mistake("not a texture", "A texture is not an image",
-                "frost.png: is not an image that Blender reads",
+                "frost.png: is not an image that can be read",
                 "give a PNG, JPEG, TIFF or EXR"),
     ),
     "Settings, presets and plans": (

@@ -7,8 +7,6 @@ called Y.
 
 from __future__ import annotations
 
-import struct
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,13 +15,20 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...formats import geotiff
-from ...formats.exr_layout import is_whole
-from ...formats.mesh_file import read_opening
+from ...formats.exr_layout import KIND as EXR
+from ...formats.exr_layout import read_layout
+from ...formats.image_size import check_pixels
+from ...formats.png import check_png
 from ...physics.mesh.height_map import NO_HEIGHT
+from ...support.foreign_bytes import ForeignBytes, RefusedError, explained, parse_npy, read
 from .import_mesh import open_scratch_scene
 
 SUFFIXES = (".tif", ".tiff", ".npy", ".png", ".exr")
-_EXR_MAGIC = b"\x76\x2f\x31\x01"
+_PNG_START, _EXR_MAGIC = b"\x89PNG\r\n\x1a\n", b"\x76\x2f\x31\x01"
+#: Pixels that a PNG or EXR file may have, and more if it is large: 4096 x 4096 take a gigabyte in Blender.
+_MOST_PIXELS, _SMALLER = 2**24, "cut out what is needed, or save it as GeoTIFF"
+#: Bytes of an array; channels that a sentence names.
+_MOST_NPY, _MOST_NAMED = 2**36, 8
 
 
 @dataclass(frozen=True)
@@ -48,7 +53,8 @@ def read_heights(path: Path) -> Heights:
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise IcyMoonError(f"{path}: is not a height map that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
-    start = read_opening(path)
+    start = read(path, lambda foreign: foreign.part(0, min(foreign.size, 8)), "a height map", "check source.file",
+                 geotiff.MOST_BYTES)
     reader = {".tif": _read_tiff, ".tiff": _read_tiff, ".npy": _read_npy, ".png": _read_png, ".exr": _read_exr}[suffix]
     heights = reader(path, start)
     if min(heights.values.shape) < 2:
@@ -65,52 +71,54 @@ def _read_tiff(path: Path, start: bytes) -> Heights:
 
 
 def _read_npy(path: Path, start: bytes) -> Heights:
-    try:
-        values = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise IcyMoonError(f"{path}: is not an array that numpy.save wrote ({error}).") from None
-    if values.ndim != 2 or values.dtype.kind not in "iuf":
-        raise IcyMoonError(f"{path}: contains {values.dtype} values of shape {values.shape}; "
-                           "save one number per pixel as an array (rows, columns), north first.")
-    return Heights(_mask_missing(values.astype(np.float64)))
+    def parse(foreign: ForeignBytes) -> np.ndarray:
+        values = parse_npy(foreign, "iuf")
+        if values.ndim != 2:
+            raise RefusedError(f"contains {values.dtype} values of shape {values.shape}; "
+                               "save one number per pixel as an array (rows, columns), north first.")
+        return values
+
+    fix = "save the numbers by numpy.save as an array (rows, columns), north first"
+    return Heights(_mask_missing(read(path, parse, "an array of numbers", fix, _MOST_NPY).astype(np.float64)))
 
 
 def _read_png(path: Path, start: bytes) -> Heights:
-    if not start.startswith(b"\x89PNG\r\n\x1a\n") or len(start) < 33:
+    if not start.startswith(_PNG_START):
         raise IcyMoonError(f"{path}: is not a PNG file, despite its name.")
-    if not _chunks_are_whole(path.read_bytes()):
-        raise IcyMoonError(f"{path}: is incomplete or damaged; copy it again.")
-    bits, colour = start[24], start[25]
-    if colour not in (0, 4):
-        raise IcyMoonError(f"{path}: is a colour image, not heights; save it as 16-bit grey.")
-    highest = 2**bits - 1
+
+    def parse(foreign: ForeignBytes) -> int:
+        head = check_png(foreign)
+        if head.colours not in (0, 4):
+            raise RefusedError("is a colour image, not heights; save it as 16-bit grey.")
+        check_pixels(foreign, head.width * head.height, _MOST_PIXELS, _SMALLER)
+        return head.bits
+
+    highest = 2**read(path, parse, "a whole PNG file", "copy it again") - 1
     return Heights(np.rint(_load_pixels(path).astype(np.float64) * highest))
-
-
-def _chunks_are_whole(data: bytes) -> bool:
-    """Whether a PNG is complete and all its checksums are right. Otherwise Blender would show black."""
-    at = 8
-    while at + 12 <= len(data):
-        length, kind = struct.unpack_from(">I4s", data, at)
-        body = data[at + 4:at + 8 + length]
-        if len(data) < at + 12 + length or zlib.crc32(body) != struct.unpack_from(">I", data, at + 8 + length)[0]:
-            return False
-        if kind == b"IEND":
-            return True
-        at += 12 + length
-    return False
 
 
 def _read_exr(path: Path, start: bytes) -> Heights:
     if not start.startswith(_EXR_MAGIC):
         raise IcyMoonError(f"{path}: is not an EXR file, despite its name.")
-    channels = _exr_channels(start)
-    if not {"Y", "R"} & set(channels):
-        raise IcyMoonError(f"{path}: has the channels {', '.join(channels) or '(several parts)'}; "
-                           "save the heights as one channel called Y.")
-    if not is_whole(path):  # Blender crashes on an incomplete file
-        raise IcyMoonError(f"{path}: is incomplete, or stored in tiles; save it again, in scan lines.")
+
+    def parse(foreign: ForeignBytes) -> None:
+        parts = read_layout(foreign)
+        names = list(parts[0].channels) if len(parts) == 1 else ["(several parts)"]
+        if not {"Y", "R"} & set(names):
+            more = ", ..." if len(names) > _MOST_NAMED else ""
+            raise RefusedError(f"has the channels {', '.join(map(_shown, names[:_MOST_NAMED]))}{more}; "
+                               "save the heights as one channel called Y.")
+        rows, columns = parts[0].shape
+        check_pixels(foreign, rows * columns * -(-len(names) // 4), _MOST_PIXELS, _SMALLER)
+
+    # Blender crashes on an incomplete file.
+    read(path, parse, EXR, "save it again whole, in scan lines")
     return Heights(_mask_missing(_load_pixels(path).astype(np.float64)))
+
+
+def _shown(name: str) -> str:
+    """A name from a file, for a sentence."""
+    return "".join(letter if letter.isprintable() else "?" for letter in name[:40])
 
 
 def _mask_missing(values: np.ndarray) -> np.ndarray:
@@ -118,26 +126,11 @@ def _mask_missing(values: np.ndarray) -> np.ndarray:
     return np.where(np.abs(values) < NO_HEIGHT, values, np.nan)
 
 
-def _exr_channels(start: bytes) -> list[str]:
-    """Names of the channels in the first header."""
-    at = start.find(b"channels\0chlist\0")
-    if at < 0 or struct.unpack_from("<I", start, 4)[0] & 0x1000:
-        return []
-    at, names = at + 20, []
-    while at < len(start) and start[at]:
-        end = start.index(b"\0", at)
-        names.append(start[at:end].decode("latin-1"))
-        at = end + 17
-    return names
-
-
 def _load_pixels(path: Path) -> np.ndarray:
     """The first channel (rows, columns) float32, loaded by Blender without colour conversion."""
     with open_scratch_scene():
-        try:
+        with explained(path, "an image", "save it again"):
             image = bpy.data.images.load(str(path), check_existing=False)
-        except RuntimeError as error:
-            raise IcyMoonError(f"{path}: Blender cannot read it ({str(error).strip()}).") from None
         image.colorspace_settings.name = "Non-Color"
         image.alpha_mode = "CHANNEL_PACKED"
         columns, rows = image.size

@@ -14,11 +14,13 @@ import bpy
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...formats.image_size import check_pixels, count_pixels
 from ...formats.mesh_images import MeshImage
 from ...formats.tiff import stores_floats
 from ...labels import UV_LAYER
 from ...physics.mesh import texture_coordinates
 from ...physics.surfaces.textures import SIZE, make_maps
+from ...support.foreign_bytes import ForeignBytes, explained, parse_part, read
 from ...typed_settings import TexturesSettings
 
 _KEY, _MEAN = "icymoon_key", "icymoon_mean"  # the key of an image, and the mean of its linear values
@@ -28,6 +30,9 @@ _SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # mark of the part 
 _measured_brightness: dict[str, np.ndarray] = {}
 #: Values of an image that are processed at once: a baked image may have 10⁹.
 _AT_ONCE = 1 << 24
+#: Pixels that an image may have, and more if its file is large: 8192 x 8192, as the largest of most collections.
+_MOST_PIXELS = 2**26
+_KIND = "an image"
 
 
 @dataclass(frozen=True)
@@ -135,7 +140,7 @@ def _load_map(kind: str, source: MeshImage, name: str) -> Map:
     key = f"{path} {state.st_size} {state.st_mtime_ns} {source.place} {kind}"
     found = _find_map(key)
     if found is None:
-        image = _unpack_image(source) if source.data else bpy.data.images.load(str(path), check_existing=False)
+        image = _load_image(source, name)
         # Blender takes floats in a TIFF for sRGB, which nobody writes.
         floats = path.suffix.lower() in (".tif", ".tiff") and stores_floats(path)
         if floats or (kind != "albedo" and not image.is_float):
@@ -148,9 +153,25 @@ def _load_map(kind: str, source: MeshImage, name: str) -> Map:
     return replace(found, channel=source.channel)
 
 
-def _unpack_image(source: MeshImage) -> bpy.types.Image:
+def _load_image(source: MeshImage, name: str) -> bpy.types.Image:
+    """An image from a file, or from bytes within one. Raises IcyMoonError if it has no size that Blender may load."""
+    fix = f"give a PNG, JPEG, TIFF or EXR as {name}"
+
+    def check(foreign: ForeignBytes) -> None:
+        check_pixels(foreign, count_pixels(foreign), _MOST_PIXELS, f"make it smaller, or {fix}")
+
+    path = source.file
+    if source.data:
+        data = source.data()
+        parse_part(data, path, check, _KIND, fix)
+        return _unpack_image(source, data)
+    read(path, check, _KIND, fix)
+    with explained(path, _KIND, fix):
+        return bpy.data.images.load(str(path), check_existing=False)
+
+
+def _unpack_image(source: MeshImage, data: bytes) -> bpy.types.Image:
     """An image from bytes within a file, packed into the .blend."""
-    data = source.data() if source.data else b""
     image = bpy.data.images.new(f"{source.file.name} {source.place}", 1, 1)
     image.pack(data=data, data_len=len(data))
     image.source = "FILE"
@@ -160,7 +181,7 @@ def _unpack_image(source: MeshImage) -> bpy.types.Image:
 def _mean(path: Path, name: str, image: bpy.types.Image) -> np.ndarray:
     """Mean (3,) of an image's linear values. Raises IcyMoonError if there are none or some are not finite."""
     if image.size[0] * image.size[1] == 0:
-        raise IcyMoonError(f"{path}: is not an image that Blender reads; give a PNG, JPEG, TIFF or EXR as {name}.")
+        raise IcyMoonError(f"{path}: is not an image that can be read; give a PNG, JPEG, TIFF or EXR as {name}.")
     pixels, total = _read_pixels(image), np.zeros(3)
     for some in np.array_split(pixels, 1 + pixels.size // _AT_ONCE):
         values = _linear(image, some)

@@ -172,6 +172,7 @@ def long_metadata(path: Path) -> Path:
     return write_tiff(path, np.zeros((4, 4), "f4"), pixel=(1.0, 1.0), metadata="<a>" + "<b/>" * 10**6 + "</a>")
 
 
+@pytest.mark.heavy
 @pytest.mark.parametrize("make", [many_tags, used_tags, many_directories, many_keys, strips_of_one_place, unfolding,
                                   remembering, stating, nested, long_metadata], ids=lambda make: make.__name__)
 def test_little_memory_and_time_is_taken(tmp_path, make):
@@ -240,6 +241,7 @@ def test_a_window_of_what_gdal_wrote_is_a_cut_of_the_whole(name):
     assert np.array_equal(found, whole[1:-1, 2:], equal_nan=True)
 
 
+@pytest.mark.heavy
 def test_only_the_tiles_of_a_window_are_read(tmp_path):
     """Of a file of 64 GB, whose other tiles are holes on the disk."""
     side, tile = 131072, 4096

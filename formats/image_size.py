@@ -1,0 +1,123 @@
+"""How many pixels an image of a user has, from its header, before a library makes room for them.
+
+PNG (W3C, third edition), JPEG (ITU T.81), TIFF, OpenEXR, WebP (RFC 9649), BMP, Radiance HDR (Ward 1991), Targa (2.0).
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..support.foreign_bytes import Cursor, ForeignBytes, RefusedError
+from .exr_layout import Part, read_layout
+from .tiff import grant_memory, read_directories
+
+_PNG, _JPEG, _EXR = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"\x76\x2f\x31\x01"
+_TIFFS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+#: Pixels that an image may have for each byte of its file; photographs have 2 to 10.
+_PIXELS_PER_BYTE = 16
+#: Scans of a JPEG file, each of which may go through the whole image; usual are 1 to 10.
+_MOST_SCANS = 100
+#: Bytes of a header, but for JPEG, whose comments come before it.
+_MOST_HEADER = 2**16
+#: Values of a pixel that take as much memory as one pixel in colours.
+_CHANNELS = 4
+
+
+def check_pixels(foreign: ForeignBytes, pixels: int, most: int, fix: str) -> None:
+    """Raise RefusedError for an image of more than ``most`` pixels, unless its file is as large as such an image."""
+    if pixels < 1:
+        raise ValueError("no pixels")
+    if pixels > most + _PIXELS_PER_BYTE * foreign.size:
+        raise RefusedError(f"states {pixels / 1e6:.0f} million pixels in {foreign.size / 1e6:.2g} MB; {fix}.")
+
+
+def count_pixels(foreign: ForeignBytes) -> int:
+    """Pixels that an image states; several values of a pixel count as further pixels.
+
+    Raises ValueError, KeyError or OverBudgetError if it is torn, or of no kind that is known here.
+    """
+    start = foreign.part(0, min(foreign.size, 32))
+    if start.startswith(_EXR):
+        return sum(_count_of(part) for part in read_layout(foreign, tiles=True))
+    if start.startswith(_TIFFS):
+        return _count_tiff(foreign)
+    if start.startswith(_JPEG):
+        return _count_jpeg(foreign)
+    return math.prod(_read_size(foreign, start))
+
+
+def _count_of(part: Part) -> int:
+    return math.prod(part.shape) * -(-len(part.channels) // _CHANNELS)
+
+
+def _count_tiff(foreign: ForeignBytes) -> int:
+    grant_memory(foreign)
+    image = read_directories(foreign)[0]
+    values = -(-image.number(277, 1) // _CHANNELS)
+    tile = image.number(322, 1) * image.number(323, 1)
+    if min(*image.shape, image.number(277, 1), image.number(322, 1), image.number(323, 1)) < 1:
+        raise ValueError("no pixels")
+    return max(math.prod(image.shape), tile) * values
+
+
+def _count_jpeg(foreign: ForeignBytes) -> int:
+    content = foreign.content()
+    if content.count(b"\xff\xda") > _MOST_SCANS:
+        raise ValueError(f"more than {_MOST_SCANS} scans")
+    cursor = Cursor(content, foreign.budget)
+    cursor.skip(2)
+    while True:
+        mark, kind = cursor.unpack(">BB")
+        while kind == 0xff:  # any number of them may stand before a marker
+            kind = cursor.number("B")
+        if mark != 0xff:
+            raise ValueError(f"no marker at byte {cursor.at - 2}")
+        length = cursor.number(">H")
+        if 0xc0 <= kind <= 0xcf and kind not in (0xc4, 0xc8, 0xcc):
+            _, height, width = cursor.unpack(">BHH")
+            return int(height * width)
+        cursor.skip(length - 2)
+
+
+def _read_size(foreign: ForeignBytes, start: bytes) -> tuple[int, int]:
+    """Width and height of a PNG, WebP, BMP, HDR or Targa image."""
+    cursor = foreign.cursor(0, min(foreign.size, _MOST_HEADER))
+    if start.startswith(_PNG):
+        cursor.skip(len(_PNG) + 8)
+        width, height = cursor.unpack(">2I")
+    elif start.startswith(b"RIFF") and start[8:12] == b"WEBP":
+        width, height = _read_webp_size(cursor)
+    elif start.startswith(b"BM"):
+        cursor.skip(14)
+        width, height = cursor.unpack("<2H" if cursor.number("<I") == 12 else "<2i")
+    elif start.startswith((b"#?RADIANCE", b"#?RGBE")):
+        cursor.take_until(b"\n\n", _MOST_HEADER)
+        words = cursor.take_until(b"\n", 100).split()
+        width, height = int(words[3]), int(words[1])
+    elif len(start) > 18 and start[1] <= 1 and start[2] in (1, 2, 3, 9, 10, 11) and start[16] in (8, 15, 16, 24, 32):
+        cursor.skip(12)
+        width, height = cursor.unpack("<2H")
+    else:
+        raise ValueError("it is of no known kind")
+    if not (0 < width < 2**31 and 0 < abs(height) < 2**31):
+        raise ValueError(f"{width} x {height} pixels")
+    return width, abs(height)
+
+
+def _read_webp_size(cursor: Cursor) -> tuple[int, int]:
+    cursor.skip(12)
+    kind = cursor.take(4)
+    cursor.skip(4)
+    if kind == b"VP8X":
+        cursor.skip(4)
+        width, height = (int.from_bytes(cursor.take(3), "little") for _ in range(2))
+        return width + 1, height + 1
+    if kind == b"VP8L":
+        cursor.skip(1)
+        bits = cursor.number("<I")
+        return (bits & 0x3fff) + 1, (bits >> 14 & 0x3fff) + 1
+    if kind == b"VP8 ":
+        cursor.skip(6)
+        width, height = cursor.unpack("<2H")
+        return width & 0x3fff, height & 0x3fff
+    raise ValueError(f"a part {kind!r}")
