@@ -146,7 +146,7 @@ DAMAGED = {
     "odd compression": patched(10, b"\x63\0"), "encrypted": patched(8, b"\1\0"), "other size": patched(24, b"\5\0\0\0"),
     "huge size": patched(24, b"\xfe\xff\xff\xff"), "wrong sum": patched(16, b"\0\0\0\0"),
     "place beyond": patched(42, b"\xfe\xff\xff\x7f"), "other name": patched(46, b"\xff\xfe\0"),
-    "many entries": saved() + b"PK\x01\x02" * 2000, "bomb": archive(bytes(10**7))}
+    "many entries": patched(10, b"\xff\xff", b"PK\x05\x06"), "bomb": archive(bytes(10**7))}
 
 
 @pytest.mark.parametrize("kind", DAMAGED)
