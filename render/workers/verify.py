@@ -215,17 +215,15 @@ def _check_light(dataset: Path, working: set[str]) -> Iterator[Problem]:
     for file, pairs in stated.items():
         if checksums.get(file.name) != file.checksum:
             how = "has another content now" if file.name in checksums else "is missing"
-            yield Problem("light", file.name, f"{folder / file.name} {how}, and {_name_pairs(pairs)} rendered with it; "
-                          "to bake it again, move one of them away and run icymoon batch.")
+            who, which = ((f"pair {pairs[0]} was", "the pair") if len(pairs) == 1 else
+                          (f"{len(pairs)} pairs such as {pairs[0]} were", "one of them"))
+            yield Problem("light", file.name, f"{folder / file.name} {how}, and {who} rendered with it; to bake it "
+                          f"again, move {which} away and run icymoon batch.")
     for key in sorted({file.key for file in stated}):
         first, *more = sorted((pairs[0], file.checksum) for file, pairs in stated.items() if file.key == key)
         yield from (Problem("light", key, f"Pair {pair} was rendered with other light than pair {first[0]}, although "
                             "their ground and light are the same; move one of them away and run icymoon batch.")
                     for pair, checksum in more if checksum != first[1])
-
-
-def _name_pairs(pairs: list[str]) -> str:
-    return f"pair {pairs[0]} was" if len(pairs) == 1 else f"{len(pairs)} pairs such as {pairs[0]} were"
 
 
 def _is_edited(folder: Path) -> bool:

@@ -8,11 +8,12 @@ import os
 import sys
 from pathlib import Path
 
+import hostile_arrays
 import numpy as np
 import pytest
 from icymoon import files
 from icymoon.errors import IcyMoonError
-from icymoon.render.pairs.pair_folder import StereoCamera, find_pairs, is_complete, read_pair
+from icymoon.render.pairs.pair_folder import StereoCamera, find_pairs, is_complete, read_pair, update_response
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.workers.job import Job, absolute_folder, blender_command
 from icymoon.render.workers.process import Process
@@ -151,3 +152,30 @@ def test_a_pipe_is_no_pair_and_nobody_waits_for_it(tmp_path):
     with pytest.raises(IcyMoonError, match="is not a file"):
         read_pair(tmp_path)
     assert not is_complete(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["", "pair.json", "left.exr"])
+def test_a_pair_that_is_a_link_or_has_one_is_not_there_and_nothing_is_written_through_it(tmp_path, name):
+    folder = write_pair(tmp_path / "a", rig=camera(32, 24))
+    assert is_complete(folder)
+    target = tmp_path / "elsewhere"
+    (folder / name).rename(target)
+    (folder / name).symlink_to(target)
+    stated = (folder / "pair.json").read_bytes()
+    assert not is_complete(folder)
+    other = description.merged(description.defaults(), {"sensor": {"gain": 7.0}})
+    if name == "left.exr":  # pair.json itself may be written
+        update_response(folder, other)
+    else:
+        with pytest.raises(IcyMoonError, match="is a link"):
+            update_response(folder, other)
+        assert (folder / "pair.json").read_bytes() == stated
+    assert (folder / name).is_symlink()
+    assert read_pair(folder).folder == folder  # what others have put together may be measured
+
+
+@pytest.mark.parametrize("put", ["folder", "pipe", "nothing"])
+def test_an_image_that_is_no_regular_file_is_not_there(tmp_path, put):
+    folder = write_pair(tmp_path / "a", rig=camera(32, 24))
+    hostile_arrays.put(folder / "left.exr", put)
+    assert not is_complete(folder)

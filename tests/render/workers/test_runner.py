@@ -268,3 +268,31 @@ def test_pairs_that_are_known_to_be_complete_are_not_read_again(stand, monkeypat
     worker = runner._Worker(None, None, list(PAIRS))  # type: ignore[arg-type]
     assert watched._find_left(worker) == []
     assert len(read) == len(PAIRS) - 5
+
+
+@pytest.mark.parametrize("place", ["pairs", "claims", "light"])
+def test_nothing_is_rendered_through_a_link(stand, place):
+    elsewhere = stand.folder / "elsewhere"
+    elsewhere.mkdir()
+    stand.dataset.mkdir()
+    (stand.dataset / place).symlink_to(elsewhere)
+    with pytest.raises(IcyMoonError, match=f"{place} is a link, and nothing is written through one"):
+        stand.run()
+    assert list(elsewhere.iterdir()) == []
+
+
+@pytest.mark.parametrize("whole", [True, False])
+def test_a_link_in_place_of_a_pair_costs_that_pair_only_and_stays(stand, whole):
+    """The link leads to a pair of another data set."""
+    stand.run()
+    other, link = stand.folder / "elsewhere", stand.dataset / "pairs" / PAIRS[0].id
+    link.rename(other)
+    if not whole:
+        (other / "left.exr").unlink()
+    link.symlink_to(other)
+    before = {path: path.read_bytes() for path in other.iterdir()}
+    failed = stand.run()
+    assert list(failed) == [PAIRS[0].id]
+    assert link.is_symlink()
+    assert {path: path.read_bytes() for path in other.iterdir()} == before
+    assert not list(stand.dataset.rglob("*.part"))
