@@ -9,7 +9,7 @@ import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.nodes.ground import import_mesh
 from icymoon.nodes.ground.import_mesh import read_mesh
-from icymoon.system import limit_memory
+from icymoon.system import bound_memory_and_time
 
 pytestmark = pytest.mark.timeout(60)
 PLY = ("ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
@@ -42,7 +42,7 @@ def test_copies_of_a_mesh_are_counted(tmp_path, monkeypatch):
 
 def test_an_importer_has_the_memory_of_its_mesh_and_gives_it_back(tmp_path):
     before = resource.getrlimit(resource.RLIMIT_AS)
-    with limit_memory(2**28), pytest.raises(MemoryError):
+    with bound_memory_and_time(2**28), pytest.raises(MemoryError):
         bytearray(2**40)
     (tmp_path / "a.obj").write_text(OBJ)
     assert len(read_mesh(tmp_path / "a.obj")[1]) == 1
