@@ -18,6 +18,16 @@ import numpy as np
 from ..physics.mesh.height_map import NO_HEIGHT
 from ..support.foreign_bytes import ForeignBytes, parse_xml
 from ..support.foreign_bytes import read as read_foreign
+from .map_projection import (
+    KNOWN,
+    PROJECTION_KEYS,
+    LocalScale,
+    MapSystem,
+    angle_unit,
+    geographic_radius_m,
+    local_scale,
+    read_system,
+)
 from .tiff import (
     FIX,
     KIND,
@@ -48,8 +58,14 @@ _VERTICAL = {
 _DEPTHS = {5336, 5612, 5614, 5706, 5715, 5734, 5739, 5789, 5831, *range(5861, 5868), 5873, 6357, 6358, 6359, 7976, 8051,
            8053, 8358, 8378, 8897, 9287, 9288, 9672, 10150, 10151, 10349, 10364, *range(10370, 10380),
            *range(10547, 10553), 10649, 10650, 10678}
-#: GeoKeys: model, kind of raster, map system, unit, its size, vertical system, its unit.
-_KEYS = {1024, 1025, 3072, 3076, 3077, 4096, 4099}
+#: GeoKeys: model, kind of raster, map system, unit, its size, vertical system, its unit; and those of projections.
+_KEYS = {1024, 1025, 3072, 3076, 3077, 4096, 4099} | PROJECTION_KEYS
+#: Most pixels of a file that is read as a whole, with 63 bytes for each; of a larger one the site's part is read, with
+#: so many pixels beside it.
+_MOST_WHOLE, _BESIDE = 2**22, 16
+#: Scales that differ from 1 by less are taken for 1, as that of UTM. Angles in degrees from which directions of a map
+#: are no right angle, from which north is not up, and from which this is a warning: UTM turns it by 3° at most.
+_TRUE, _SKEW_DEG, _TURNED_DEG, _FAR_TURNED_DEG = 1e-3, 0.5, 0.1, 5.0
 #: Bytes of GDAL's metadata; a list of some items has some hundreds.
 _MOST_METADATA = 2**20
 _PROJECTED, _GEOGRAPHIC, _USER_DEFINED = 1, 2, 32767
@@ -60,12 +76,48 @@ _STATE_UNITS = "gdal_translate -co GEOTIFF_VERSION=1.0 in.tif out.tif"
 
 
 @dataclass(frozen=True)
+class Site:
+    """The part of a map that is wanted: ``size_m`` of ground around an origin, which is ``origin_m`` (east, north) of
+    ground from the middle of the map (``centre``), or else at these coordinates of the map, in metres."""
+
+    centre: bool
+    origin_m: tuple[float, float]
+    size_m: float
+
+
+@dataclass(frozen=True)
+class MapPlace:
+    """Where the origin of the site is on a map, and the scale there.
+
+    A point at (x, y) metres east and north of the origin has the map coordinates ``origin`` + (x / ``scale[0]``, y /
+    ``scale[1]``), in metres of the map; divided by ``unit_m`` they are in the file's unit. ``crs`` names the map
+    system, empty if the file states none that is known here. ``north_deg`` is the angle from the map's up to north,
+    clockwise.
+    """
+
+    crs: str
+    unit_m: float
+    origin: tuple[float, float]
+    scale: tuple[float, float]
+    longitude_deg: float | None = None
+    latitude_deg: float | None = None
+    north_deg: float = 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """For ``pair.json`` and exports."""
+        return {"crs": self.crs, "unit_m": self.unit_m, "origin": list(self.origin), "scale": list(self.scale),
+                "longitude_deg": self.longitude_deg, "latitude_deg": self.latitude_deg, "north_deg": self.north_deg}
+
+
+@dataclass(frozen=True)
 class GeoTiff:
     """Heights (rows, columns) float64 in metres, row 0 northernmost and column 0 westernmost, missing ones NaN.
 
-    ``pixel_m`` is the size of a pixel (east, north) and ``corner_m`` the place of the centre of the lower
-    left one, or None where the file does not state them in a unit of length; ``unplaced`` then is the reason,
-    as the end of a sentence. ``report`` is what the file states of its heights, ``warnings`` what was assumed.
+    ``pixel_m`` is the size of a pixel (east, north) on the ground, and ``corner_m`` the place of the centre of the
+    lower left one, from the origin of the ``Site`` that was asked for, or in the map's coordinates without one. They
+    are None where the file does not state them; ``unplaced`` then is the reason, as the end of a sentence. ``report``
+    is what the file states of its heights, ``warnings`` what was assumed. ``file_shape`` is that of the whole file
+    (rows, columns).
     """
 
     heights_m: np.ndarray
@@ -74,35 +126,127 @@ class GeoTiff:
     unplaced: str
     report: tuple[str, ...]
     warnings: tuple[str, ...]
+    file_shape: tuple[int, int]
+    place: MapPlace | None = None
 
 
-def read(path: Path) -> GeoTiff:
-    """Read a one-band elevation model. Raises IcyMoonError with the fix where it cannot be read."""
-    return read_foreign(path, _read, KIND, f"copy it again or {FIX}", MOST_BYTES)
+def read(path: Path, site: Site | None = None) -> GeoTiff:
+    """Read a one-band elevation model; of a large one only what the ``site`` needs.
+
+    Raises IcyMoonError with the fix where it cannot be read.
+    """
+    return read_foreign(path, lambda foreign: _read(foreign, path.name, site), KIND, f"copy it again or {FIX}",
+                        MOST_BYTES)
 
 
-def _read(foreign: ForeignBytes) -> GeoTiff:
+def _read(foreign: ForeignBytes, name: str, site: Site | None) -> GeoTiff:
     grant_memory(foreign)
     images = read_directories(foreign)
     image = images[0]
     keys = _read_keys(image.tags)
-    heights, number = read_pixels(foreign, image)
+    grid = _read_placement(image, keys)
+    unit, sentence = _unit(keys)
+    placed: _Placed | None = None
+    if grid is not None and unit is not None:
+        placed = _place(image.shape, *grid, unit, keys, name, site)
+    window = placed.window if placed else None
+    heights, number = read_pixels(foreign, image, window)
     warnings = _clear_missing(heights, number, image.tags.get(42113))
-    warnings += _apply_mask(heights, foreign, images)
+    warnings += _apply_mask(heights, foreign, images, window)
     report = _scale_to_metres(heights, image.tags, keys)
-    place = _read_placement(image, keys)
-    if place is None:
-        return GeoTiff(heights, None, None, "does not state the size of its pixels", report, tuple(warnings))
-    (east, north), corner = place
+    if grid is None:
+        return GeoTiff(heights, None, None, "does not state the size of its pixels", report, tuple(warnings),
+                       image.shape)
+    (east, north), _ = grid
     heights = heights[::-1] if north > 0 else heights  # rows that go north
     heights = heights[:, ::-1] if east < 0 else heights
-    unit, sentence = _unit(keys)
-    if unit is None:
+    if placed is None:
         size = f"{abs(east):g} x {abs(north):g}"
-        return GeoTiff(heights, None, None, sentence.format(size=size), report, tuple(warnings))
-    warnings += [sentence] if sentence else []
-    return GeoTiff(heights, (abs(east) * unit, abs(north) * unit), (corner[0] * unit, corner[1] * unit), "", report,
-                   tuple(warnings))
+        return GeoTiff(heights, None, None, sentence.format(size=size), report, tuple(warnings), image.shape)
+    warnings += [*([sentence] if sentence else []), *placed.warnings]
+    return GeoTiff(heights, placed.pixel_m, placed.corner_m, "", (*report, *placed.report), tuple(warnings),
+                   image.shape, placed.place if site else None)
+
+
+@dataclass(frozen=True)
+class _Placed:
+    """A window of a map (rows, columns in the file's order), the size of its pixels and where it lies."""
+
+    window: tuple[range, range] | None
+    pixel_m: tuple[float, float]
+    corner_m: tuple[float, float]
+    place: MapPlace
+    report: list[str]
+    warnings: list[str]
+
+
+def _place(shape: tuple[int, int], step: tuple[float, float], corner: tuple[float, float], unit: float,
+           keys: Mapping[int, Any], name: str, site: Site | None) -> _Placed:
+    """Where a site lies on a map. Raises UnreadError if it is beyond the map system or its directions are skewed."""
+    size = abs(step[0]) * unit, abs(step[1]) * unit
+    first = corner[0] * unit, corner[1] * unit
+    if site is None:
+        return _Placed(None, size, first, MapPlace("", unit, (0.0, 0.0), (1.0, 1.0)), [], [])
+    middle = first[0] + (shape[1] - 1) * size[0] / 2, first[1] + (shape[0] - 1) * size[1] / 2
+    system = read_system(keys, unit)
+    origin = site.origin_m
+    if site.centre:
+        scale = _locate(system, unit, middle, name).scale
+        origin = middle[0] + site.origin_m[0] / scale[0], middle[1] + site.origin_m[1] / scale[1]
+    place = _locate(system, unit, origin, name)
+    report: list[str] = []
+    warnings: list[str] = []
+    if place.scale != (1.0, 1.0):
+        report.append(f"Map ({place.crs}) at {place.latitude_deg:.4f}° north, {place.longitude_deg:.4f}° east: a metre "
+                      f"of it is {place.scale[0]:.6g} m of ground along x, {place.scale[1]:.6g} m along y")
+    if system is None and keys.get(1024) == _PROJECTED and 3075 in keys:
+        warnings.append("its projection is not known here, so a metre of its map was taken for a metre of ground")
+    if abs(place.north_deg) > _TURNED_DEG:
+        turned = (f"orth is {place.north_deg:.1f}° clockwise of the map's up, from which azimuths and headings are "
+                  "counted")
+        report.append(f"N{turned}")
+        warnings += [f"n{turned}"] if abs(place.north_deg) > _FAR_TURNED_DEG else []
+    pixel = size[0] * place.scale[0], size[1] * place.scale[1]
+    window, west, south = None, 0, 0
+    if shape[0] * shape[1] > _MOST_WHOLE:
+        columns, rows = (_around(shape[1 - k], (place.origin[k] - first[k]) / size[k], site.size_m / 2 / pixel[k])
+                         for k in range(2))
+        west, south = columns.start, rows.start
+        window = (rows if step[1] > 0 else range(shape[0] - rows.stop, shape[0] - rows.start),
+                  columns if step[0] > 0 else range(shape[1] - columns.stop, shape[1] - columns.start))
+    corner_m = ((first[0] + west * size[0] - origin[0]) * place.scale[0],
+                (first[1] + south * size[1] - origin[1]) * place.scale[1])
+    return _Placed(window, pixel, corner_m, place, report, warnings)
+
+
+def _around(count: int, middle: float, half: float) -> range:
+    """The pixels of ``count`` within ``half`` pixels of one, and some beside them to fill holes from; two at least."""
+    low = min(max(math.floor(middle - half) - _BESIDE, 0), count - 2)
+    return range(low, max(min(math.ceil(middle + half) + _BESIDE + 1, count), low + 2))
+
+
+def _locate(system: MapSystem | None, unit: float, at: tuple[float, float], name: str) -> MapPlace:
+    """A place of a map with its scale, which is 1 where that is right to a thousandth, or where it is not known."""
+    if system is None:
+        return MapPlace("", unit, at, (1.0, 1.0))
+    try:
+        found = local_scale(system, *at)
+    except (ValueError, OverflowError, ZeroDivisionError):
+        raise UnreadError(f"has no ground at ({at[0]:g}, {at[1]:g}) m of its map ({system.name}); set source.centre, "
+                          "source.origin_x_m and source.origin_y_m to a place on it.") from None
+    if abs(found.skew_deg) > _SKEW_DEG:
+        raise UnreadError(f"has a map ({system.name}) whose directions are {90 - abs(found.skew_deg):.1f}° apart at "
+                          "the origin, so its squares are none on the ground; project it with: "
+                          + warp_line(system, found, name))
+    true = max(abs(found.east - 1), abs(found.north - 1)) < _TRUE
+    return MapPlace(system.name, unit, at, (1.0, 1.0) if true else (found.east, found.north), found.longitude_deg,
+                    found.latitude_deg, found.north_deg)
+
+
+def warp_line(system: MapSystem, at: LocalScale, name: str) -> str:
+    """The command that makes a map of a file that is true to scale around a place."""
+    return (f'gdalwarp -t_srs "+proj=aeqd +lat_0={at.latitude_deg:.6f} +lon_0={at.longitude_deg:.6f} +R='
+            f'{system.radius_m:.1f} +units=m" {name} site.tif')
 
 
 def _read_keys(tags: Tags) -> dict[int, Any]:
@@ -136,12 +280,13 @@ def _clear_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any, .
     return []
 
 
-def _apply_mask(grid: np.ndarray, foreign: ForeignBytes, images: list[Directory]) -> list[str]:
+def _apply_mask(grid: np.ndarray, foreign: ForeignBytes, images: list[Directory],
+                window: tuple[range, range] | None) -> list[str]:
     """Make NaN what the file's own mask calls unknown; warnings about its other images."""
     others = [image for image in images[1:] if not image.is_reduced]
-    masks = [image for image in others if image.is_mask and image.shape == grid.shape]
+    masks = [image for image in others if image.is_mask and image.shape == images[0].shape]
     for image in masks[:1]:
-        grid[read_pixels(foreign, image)[0] == 0] = np.nan
+        grid[read_pixels(foreign, image, window)[0] == 0] = np.nan
     count = sum(not image.is_mask for image in others)
     return [f"it holds {count + 1} images, of which the first was read"] if count else []
 
@@ -233,7 +378,10 @@ def _unit(keys: Mapping[int, Any]) -> tuple[float | None, str]:
     """Metres per unit of the file's coordinates, and what was assumed; or None and why it is not known."""
     model, system, code = keys.get(1024, 0), keys.get(3072), keys.get(3076)
     if model == _GEOGRAPHIC:
-        return None, "has pixels of {size} degrees (or another angle); project it with: gdalwarp -t_srs"
+        radius = geographic_radius_m(keys)
+        if radius is None:
+            return None, "has pixels of {size} degrees on a body whose radius it does not state"
+        return math.radians(angle_unit(keys)) * radius, ""
     if model not in (0, _PROJECTED, _USER_DEFINED):
         return None, "has coordinates that are no map's; project it with: gdalwarp -t_srs"
     if code == _USER_DEFINED:
@@ -245,7 +393,7 @@ def _unit(keys: Mapping[int, Any]) -> tuple[float | None, str]:
         return _UNITS_M[code], ""
     if code:
         return None, "has pixels of {size} in the EPSG unit " + str(code) + ", which is not known here"
-    if system in _METRIC:
+    if system in _METRIC or system in KNOWN:
         return 1.0, ""
     if system not in (None, 0, _USER_DEFINED):
         return None, ("has pixels of {size} in the unit of EPSG:" + str(system) + ", which is not known here; state it "

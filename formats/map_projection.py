@@ -17,8 +17,12 @@ from typing import Any
 _STEP_M = 1.0
 #: Mean radius of Earth, and the radius of the sphere of web maps.
 _EARTH_M, _WEB_M = 6371008.8, 6378137.0
-_PROJECTED_KEY, _METHOD_KEY, _USER_DEFINED = 3072, 3075, 32767
-_SEMI_MAJOR_KEY, _SEMI_MINOR_KEY = 2057, 2058
+_MODEL_KEY, _PROJECTED_KEY, _METHOD_KEY, _USER_DEFINED, _GEOGRAPHIC = 1024, 3072, 3075, 32767, 2
+_GEOGRAPHIC_KEY, _SEMI_MAJOR_KEY, _SEMI_MINOR_KEY = 2048, 2057, 2058
+#: Keys that are numbers and that ``read_system`` reads.
+PROJECTION_KEYS = frozenset({1024, 2048, 2054, 2057, 2058, 2059, 3072, 3075, *range(3078, 3096)})
+#: Geographic systems of Earth by number: WGS 84, NAD27, NAD83, ETRS89, WGS 72, GDA94, GDA2020, and others of EPSG.
+_OF_EARTH = range(4001, 5000)
 
 
 @dataclass(frozen=True)
@@ -177,7 +181,7 @@ _METHODS = {1: "Transverse Mercator", 7: "Mercator", 8: "Lambert conformal conic
             14: "Stereographic", 15: "Polar stereographic", 16: "Stereographic", 17: "Equidistant cylindrical",
             21: "Orthographic", 24: "Sinusoidal"}
 #: Systems of Earth that a file may state by number only.
-_KNOWN = {
+KNOWN = {
     3857: MapSystem("Mercator", "EPSG:3857", _WEB_M), 3395: MapSystem("Mercator", "EPSG:3395", _WEB_M),
     4087: MapSystem("Equidistant cylindrical", "EPSG:4087", _WEB_M),
     3035: MapSystem("Lambert azimuthal equal area", "EPSG:3035", _EARTH_M, 10.0, 52.0, east_m=4321000.0,
@@ -191,9 +195,12 @@ _KNOWN = {
 
 def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
     """The projection that GeoKeys state; None for one that is not known here. ``unit_m`` is the unit of lengths."""
+    if keys.get(_MODEL_KEY) == _GEOGRAPHIC:
+        radius = geographic_radius_m(keys)
+        return None if radius is None else MapSystem("Equidistant cylindrical", "longitude and latitude", radius)
     code = keys.get(_PROJECTED_KEY)
-    if code in _KNOWN:
-        return _KNOWN[code]
+    if code in KNOWN:
+        return KNOWN[code]
     if isinstance(code, int) and (zone := _utm_zone(code)):
         number, south = zone
         return MapSystem("Transverse Mercator", f"EPSG:{code}", _EARTH_M, 6.0 * number - 183.0, scale=0.9996,
@@ -201,7 +208,7 @@ def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
     kind = _METHODS.get(keys.get(_METHOD_KEY, 0))
     if kind is None:
         return None
-    angle = _angle_unit(keys)
+    angle = angle_unit(keys)
 
     def stated(*numbers: int, otherwise: float = 0.0) -> float:
         return next((float(keys[number]) for number in numbers if isinstance(keys.get(number), float)), otherwise)
@@ -210,10 +217,9 @@ def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
     longitude = angle * stated(3095, 3080, 3088, 3084)
     first, scale = angle * stated(3078), stated(3092, 3093, otherwise=1.0)
     second = angle * stated(3079, otherwise=stated(3078))
-    if kind == "Polar stereographic" and 3092 not in keys:  # the parallel that is true to scale stands for the origin
-        first, latitude = (first or latitude), math.copysign(90.0, first or latitude)
-    elif kind == "Polar stereographic":
-        first = math.copysign(90.0, latitude)
+    if kind == "Polar stereographic":  # the parallel that is true to scale stands for the origin, or the pole does
+        first = first or latitude
+        latitude = math.copysign(90.0, first)
     if kind == "Lambert conformal conic" and 3078 not in keys:
         first = second = latitude
     if kind == "Equidistant cylindrical" and 3078 not in keys:  # older writers have the parallel as the origin
@@ -222,6 +228,14 @@ def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
         first, latitude = (latitude, 0.0) if 3092 not in keys else (0.0, 0.0)
     return MapSystem(kind, kind, _sphere_m(keys), longitude, latitude, first, second, scale,
                      unit_m * stated(3082, 3086, 3090), unit_m * stated(3083, 3087, 3091))
+
+
+def geographic_radius_m(keys: Mapping[int, Any]) -> float | None:
+    """Radius of the body whose longitudes and latitudes a file has; None if it states neither it nor one of Earth's
+    systems."""
+    if _SEMI_MAJOR_KEY in keys:
+        return _sphere_m(keys)
+    return _EARTH_M if keys.get(_GEOGRAPHIC_KEY, _USER_DEFINED) in _OF_EARTH else None
 
 
 def _sphere_m(keys: Mapping[int, Any]) -> float:
@@ -236,7 +250,7 @@ def _sphere_m(keys: Mapping[int, Any]) -> float:
     return float((major * major * minor) ** (1 / 3))
 
 
-def _angle_unit(keys: Mapping[int, Any]) -> float:
+def angle_unit(keys: Mapping[int, Any]) -> float:
     """Degrees per unit of angle: of the keys' own unit, else degrees."""
     return {9101: math.degrees(1.0), 9105: 0.9, 9106: 0.9}.get(keys.get(2054, 9102), 1.0)
 

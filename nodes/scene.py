@@ -436,7 +436,8 @@ def build(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | Non
     disown_copies(collection)
     update_sunlight(collection)
     collection[SETTINGS] = json.dumps(merged(settings))
-    collection[GROUND] = json.dumps({"report": own.report, "site_m": site_m} if own else {})
+    on_map = {"map": own.map_place} if own and own.map_place else {}
+    collection[GROUND] = json.dumps({"report": own.report, "site_m": site_m, **on_map} if own else {})
     collection[SITE] = site_m
     collection[CONTENT] = content(settings)
     collection[EXCAVATION] = json.dumps(dug)

@@ -17,6 +17,7 @@ from ...errors import IcyMoonError
 from ...formats import geotiff
 from ...formats.exr_layout import KIND as EXR
 from ...formats.exr_layout import read_layout
+from ...formats.geotiff import MapPlace, Site
 from ...formats.image_size import check_pixels
 from ...formats.png import check_png
 from ...physics.mesh.height_map import NO_HEIGHT
@@ -37,7 +38,8 @@ class Heights:
 
     Their unit is metres for a GeoTIFF, otherwise that of the file. ``pixel_m`` (east, north) and ``corner_m`` (centre
     of the lower left pixel) are from the file, or None; then ``unplaced`` is the reason, as the end of a sentence.
-    ``report`` contains other facts from the file, and ``warnings`` are for the user.
+    ``report`` contains other facts from the file, and ``warnings`` are for the user. ``file_shape`` is that of the
+    whole file, and ``place`` where the site is on a map; then ``corner_m`` is from the site's origin.
     """
 
     values: np.ndarray
@@ -46,28 +48,36 @@ class Heights:
     unplaced: str = "does not state the size of its pixels"
     report: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    file_shape: tuple[int, int] | None = None
+    place: MapPlace | None = None
 
 
-def read_heights(path: Path) -> Heights:
-    """Read a height map. Raises IcyMoonError if it is missing, of another kind, unreadable or too small."""
+def read_heights(path: Path, site: Site | None = None) -> Heights:
+    """Read a height map; of a large GeoTIFF only what the ``site`` needs.
+
+    Raises IcyMoonError if it is missing, of another kind, unreadable or too small.
+    """
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise IcyMoonError(f"{path}: is not a height map that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
     start = read(path, lambda foreign: foreign.part(0, min(foreign.size, 8)), "a height map", "check source.file",
                  geotiff.MOST_BYTES)
-    reader = {".tif": _read_tiff, ".tiff": _read_tiff, ".npy": _read_npy, ".png": _read_png, ".exr": _read_exr}[suffix]
-    heights = reader(path, start)
+    if suffix in (".tif", ".tiff"):
+        heights = _read_tiff(path, start, site)
+    else:
+        heights = {".npy": _read_npy, ".png": _read_png, ".exr": _read_exr}[suffix](path, start)
     if min(heights.values.shape) < 2:
         rows, columns = heights.values.shape
         raise IcyMoonError(f"{path}: has {columns} x {rows} pixels; a height map needs at least 2 x 2.")
     return heights
 
 
-def _read_tiff(path: Path, start: bytes) -> Heights:
+def _read_tiff(path: Path, start: bytes, site: Site | None) -> Heights:
     if start[:4] not in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
         raise IcyMoonError(f"{path}: is not a TIFF file, despite its name.")
-    tiff = geotiff.read(path)
-    return Heights(tiff.heights_m, tiff.pixel_m, tiff.corner_m, tiff.unplaced, tiff.report, tiff.warnings)
+    tiff = geotiff.read(path, site)
+    return Heights(tiff.heights_m, tiff.pixel_m, tiff.corner_m, tiff.unplaced, tiff.report, tiff.warnings,
+                   tiff.file_shape, tiff.place)
 
 
 def _read_npy(path: Path, start: bytes) -> Heights:

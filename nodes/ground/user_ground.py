@@ -14,6 +14,7 @@ import numpy as np
 from ... import compat
 from ...errors import IcyMoonError
 from ...formats import mesh_file, mesh_images
+from ...formats.geotiff import Site
 from ...paper_stand_ins.cached_files import find_mesh_file
 from ...physics.mesh import check, height_map, subdivide, texture_coordinates
 from ...physics.mesh.height_map import HeightMap
@@ -49,6 +50,8 @@ class UserGround:
     """A ground from a file: vertices (n, 3), faces (m, 3 or 4), and UV coordinates (m, 3, 2) of the corners or None.
 
     ``surface`` gives its heights. ``report`` contains what the import found, and ``warnings`` are for the user.
+    ``map_place`` is where its origin is on a map (``geotiff.MapPlace``), with ``height_zero_m``, the height of the file
+    that is z = 0; None if the file states no map.
     """
 
     positions: np.ndarray
@@ -57,6 +60,7 @@ class UserGround:
     report: tuple[str, ...]
     warnings: tuple[str, ...]
     uv: np.ndarray | None = None
+    map_place: dict[str, Any] | None = None
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
         """A smooth-shaded mesh of the ground."""
@@ -242,35 +246,47 @@ def _shift(positions: np.ndarray, source: SourceSettings) -> np.ndarray:
 
 def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[Settings], Surface]) -> UserGround:
     source, terrain = settings.source, settings.terrain
-    read = import_heights.read_heights(path)
-    known = np.isfinite(read.values)
+    size_m, origin_m = float(terrain.size_m), (float(source.origin_x_m), float(source.origin_y_m))
+    by_hand = source.metres_per_pixel > 0  # the file's own size and place then do not count
+    read = import_heights.read_heights(path, None if by_hand else Site(bool(source.centre), origin_m, size_m))
+    values, sentences = height_map.clear_unmarked(read.values)
+    known = np.isfinite(values)
     if not known.any():
         raise IcyMoonError(f"{path}: none of its {known.size} pixels is a height; check its no-data value.")
     pixel = _pixel_size(path, read, source)
-    warnings = [f"{path.name}: {sentence}." for sentence in read.warnings]
+    warnings = [f"{path.name}: {sentence}." for sentence in (*read.warnings, *sentences)]
     if not known.all():
         warnings.append(f"{1 - known.mean():.2%} of {path.name} has no height and was interpolated smoothly.")
-    heights = height_map.fill_holes(read.values) * source.height_scale_m
-    rows, columns = heights.shape
-    extents = np.array([(columns - 1) * pixel[0], (rows - 1) * pixel[1], float(np.ptp(heights))])
-    warnings += _check_size(path, extents, "set source.metres_per_pixel.",
-                            "set source.height_scale_m, or mark the heights that are missing.")
-    surface, shift = height_map.place_map(heights, pixel, read.corner_m or (0.0, 0.0), centre=bool(source.centre),
-                                      origin_m=(source.origin_x_m, source.origin_y_m),
-                                      size_m=float(terrain.size_m))
+    heights = height_map.fill_holes(values) * source.height_scale_m
+    rows, columns = read.file_shape or heights.shape
+    if read.place is not None and read.corner_m is not None and not by_hand:
+        zero_m = float(np.median(heights)) if source.centre else 0.0
+        surface = HeightMap(heights - zero_m, pixel, *read.corner_m, size_m)
+        moved = (-read.place.origin[0], -read.place.origin[1], -zero_m)
+        place = read.place.to_json() | {"height_zero_m": zero_m}
+    else:
+        surface, moved = height_map.place_map(heights, pixel, read.corner_m or (0.0, 0.0), centre=bool(source.centre),
+                                              origin_m=origin_m, size_m=size_m)
+        place = None
     west, east, south, north = surface.bounds_m
+    extents = np.array([max(east - west, 0.0), max(north - south, 0.0), float(np.ptp(heights))])
     if east <= west or north <= south:
         raise IcyMoonError(f"{path}: has no height within terrain.size_m = {terrain.size_m:g} m of the origin; set "
                            "source.centre, source.origin_x_m or source.origin_y_m.")
+    warnings += _check_size(path, extents, "set source.metres_per_pixel.",
+                            "set source.height_scale_m, or mark the heights that are missing.")
     if source.detail:
         surface = height_map.add_roughness(surface, make_procedural(settings))
     spacing = shortest_wavelength_m(terrain) / 2
     x, y = (np.linspace(a, b, max(2, round((b - a) / spacing) + 1)) for a, b in ((west, east), (south, north)))
     positions, faces = height_map.grid_mesh(surface.heights(x[None, :], y[:, None], 2 * spacing), x, y)
-    report = (f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, {_metres(extents)} m", *read.report,
-              f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_metres(shift)} m",
+    whole = (columns - 1) * pixel[0], (rows - 1) * pixel[1]
+    part = f", of which {heights.shape[1]} x {heights.shape[0]} were read" * (heights.shape != (rows, columns))
+    report = (f"{columns} x {rows} pixels of {pixel[0]:.4g} x {pixel[1]:.4g} m, "
+              f"{_metres([*whole, extents[2]])} m{part}", *read.report,
+              f"Ground of {east - west:.4g} x {north - south:.4g} m, moved by {_metres(moved)} m",
               "Procedural roughness below the pixel size" if source.detail else "Nothing finer than the pixel size")
-    return UserGround(positions, faces, surface, report, tuple(warnings))
+    return UserGround(positions, faces, surface, report, tuple(warnings), map_place=place)
 
 
 def _pixel_size(path: Path, read: import_heights.Heights, source: SourceSettings) -> tuple[float, float]:

@@ -132,6 +132,36 @@ def _double(coarse: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     return coarse
 
 
+def clear_unmarked(values: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Heights with NaN where a value looks like a mark of missing ones that the file does not state, and sentences.
+
+    Such a value is the lowest or the highest one, several pixels have it to the bit or it is a usual mark, and it is
+    farther from all others than ``_ALONE`` times their range: -9999, -32768 or 0 among heights of some kilometres.
+    """
+    sentences = []
+    for pick in (np.min, np.max):
+        known = np.isfinite(values)
+        if not known.any():
+            break
+        mark = float(pick(values[known]))
+        others = values[known & (values != mark)]
+        count = int(known.sum()) - others.size
+        if others.size < 2 or (count < 2 and abs(mark) not in _USUAL_MARKS):
+            continue
+        gap = float(np.abs(others - mark).min())
+        if gap > _ALONE * float(np.ptp(others)) and count < _MOST_MARKED * known.sum():
+            values = np.where(values == mark, np.nan, values)
+            sentences.append(f"{count} pixel{'s' * (count != 1)} of exactly {mark:g}, {gap:.4g} from all other "
+                             "heights, were taken for missing; if they are not, change one of them a little")
+    return values, sentences
+
+
+#: Marks of missing heights that programs use, without their sign.
+_USUAL_MARKS = (9999.0, 32768.0, 32767.0, 65535.0, 99999.0, 999999.0)
+#: How many ranges of the others a mark is away from them, and the share of pixels that it may have.
+_ALONE, _MOST_MARKED = 3.0, 0.5
+
+
 def grid_mesh(heights_m: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) float32 and quadrilaterals (m, 4) int32 of heights (rows, columns) at ``x_m`` and ``y_m``."""
     rows, columns = heights_m.shape

@@ -22,7 +22,7 @@ STEPS_M = {"scaled": 0.004, "lzw_words": 0.004, "packbits": 0.004, "long_words":
 HALF_STEPS = {"half_floats": 2.0**-10}  # GDAL cuts them off, which is a whole step
 REFUSED = {"unit_unknown": r"furlong.*gdal_edit -units", "depths": r"depths \(EPSG:5715\)",
            "lerc": "LERC.*gdal_translate"}
-UNPLACED = {"degrees": r"degrees.*gdalwarp", "feet_by_number": r"EPSG:2263.*GEOTIFF_VERSION=1\.0"}
+UNPLACED = {"feet_by_number": r"EPSG:2263.*GEOTIFF_VERSION=1\.0"}
 NAMES = sorted(path.stem for path in DATA.glob("*.tif"))
 
 
@@ -39,7 +39,7 @@ def expected(read: geotiff.GeoTiff) -> np.ndarray:
     return hill(east[None, :], north[:, None])
 
 
-@pytest.mark.parametrize("name", sorted(set(NAMES) - {*REFUSED, *UNPLACED}))
+@pytest.mark.parametrize("name", sorted(set(NAMES) - {*REFUSED, *UNPLACED, "degrees"}))
 def test_heights_are_in_metres_where_the_hill_is(name):
     read = geotiff.read(DATA / f"{name}.tif")
     # A stated place is off by the rounding of its unit only; the hill has its corner at (1000, -500).
@@ -51,6 +51,11 @@ def test_heights_are_in_metres_where_the_hill_is(name):
     assert np.array_equal(np.isnan(read.heights_m), holes)
     stored = STEPS_M[name] / 2 if name in STEPS_M else HALF_STEPS.get(name, 2.0**-24) * np.abs(expected(read))
     assert np.nanmax(wrong - stored) <= 1e-9  # some roundings of float64 at 1e3 m
+
+
+def test_pixels_in_degrees_have_the_size_that_they_have_on_the_equator():
+    """Without a site, on the sphere that the file states; the scale at a site is that of its latitude."""
+    assert geotiff.read(DATA / "degrees.tif").pixel_m == pytest.approx((2.0, 3.0), rel=1e-4)
 
 
 def test_every_kind_of_file_is_there():

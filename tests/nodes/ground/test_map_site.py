@@ -1,0 +1,196 @@
+"""Sites on maps: true to scale wherever the map is, only what the site needs is read, and points go back to the map."""
+
+from __future__ import annotations
+
+import json
+import math
+import resource
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from icymoon.errors import IcyMoonError
+from icymoon.formats import geotiff
+from icymoon.formats.geotiff import Site
+from icymoon.nodes.scene import build
+from rendering import complete, empty_scene
+
+rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")
+warp = pytest.importorskip("rasterio.warp")
+
+EUROPA_M = 1560800.0
+#: Map systems, the middle of a map of each in its own unit, and a pixel there.
+MAPS = {
+    "web map at 60°": ("EPSG:3857", (1e6, 8399737.9), 2.0),
+    "UTM": ("EPSG:32633", (5.0e5, 7.5e6), 2.0),
+    "equidistant cylindrical at 70° south": (f"+proj=eqc +R={EUROPA_M} +no_defs",
+                                             (3e5, -math.radians(70) * EUROPA_M), 4.0),
+    "Mercator": (f"+proj=merc +R={EUROPA_M} +no_defs", (2e5, 1.2e6), 3.0),
+    "polar, off its parallel": (f"+proj=stere +lat_0=-90 +lat_ts=-71 +R={EUROPA_M} +no_defs", (1e5, 9e5), 2.0),
+    "degrees": ("EPSG:4326", (15.0, 50.0), 2e-5)}
+
+
+def written(path, name, size=80):
+    """A plane that rises by 0.5 m per metre of ground to the east and 0.2 to the north, by PROJ's own distances."""
+    text, (x, y), pixel = MAPS[name]
+    crs = rasterio.crs.CRS.from_string(text)
+    transform = rasterio.transform.from_origin(x - pixel * size / 2, y + pixel * size / 2, pixel, pixel)
+    columns, rows = np.meshgrid(np.arange(size), np.arange(size))
+    xs, ys = rasterio.transform.xy(transform, rows.ravel(), columns.ravel())
+    radius = 6371008.8 if text.startswith("EPSG") else EUROPA_M
+    geographic = (rasterio.crs.CRS.from_epsg(4326) if text.startswith("EPSG") else
+                  rasterio.crs.CRS.from_string(f"+proj=longlat +R={EUROPA_M} +no_defs"))
+    lon, lat = map(np.array, warp.transform(crs, geographic, xs, ys))
+    (lon0,), (lat0,) = warp.transform(crs, geographic, [x], [y])
+    east = np.radians(lon - lon0) * np.cos(np.radians(lat0)) * radius
+    north = np.radians(lat - lat0) * radius
+    heights = (100.0 + 0.5 * east + 0.2 * north).reshape(size, size).astype(np.float32)
+    with rasterio.open(path, "w", driver="GTiff", width=size, height=size, count=1, dtype="float32", crs=crs,
+                       transform=transform) as out:
+        out.write(heights, 1)
+    return path, (x, y)
+
+
+def ground_of(path, **source):
+    settings = complete({"source": {"kind": "HEIGHT_MAP", "file": str(path), **source},
+                         "terrain": {"size_m": 60.0, "resolution": 65}, "rig": {"height_m": 3.0}})
+    return build(empty_scene(), settings)
+
+
+def slopes(built):
+    """Rise of the ground per metre along x and y, by least squares."""
+    vertices = np.empty(3 * len(built.terrain.data.vertices))
+    built.terrain.data.vertices.foreach_get("co", vertices)
+    x, y, z = vertices.reshape(-1, 3).T
+    (a, b, _), *_ = np.linalg.lstsq(np.stack([x, y, np.ones_like(x)], axis=1), z, rcond=None)
+    return float(a), float(b)
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_a_plane_has_its_slope_on_every_map(tmp_path, name):
+    path, _ = written(tmp_path / "dem.tif", name)
+    built = ground_of(path)
+    place = built.ground["map"]
+    # A map may be turned against north; so the slope is compared in the map's directions. The sphere that stands for
+    # Earth's ellipsoid is off by up to a hundredth.
+    turn = math.radians(place["north_deg"])
+    east, north = slopes(built)
+    found = (east * math.cos(turn) - north * math.sin(turn), east * math.sin(turn) + north * math.cos(turn))
+    tolerance = 0.01 if MAPS[name][0].startswith("EPSG") else 1e-3
+    assert found == (pytest.approx(0.5, rel=tolerance, abs=0.2 * tolerance), pytest.approx(0.2, rel=5 * tolerance))
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_a_point_goes_back_to_its_map_coordinates_within_a_millimetre(tmp_path, name):
+    path, (x, _) = written(tmp_path / "dem.tif", name)
+    read = geotiff.read(path, Site(True, (3.0, -2.0), 40.0))
+    assert read.place is not None
+    assert read.corner_m is not None
+    # The lower left pixel's centre, by the file's own transform.
+    with rasterio.open(path) as opened:
+        corner = opened.xy(opened.height - 1, 0)
+    for k in range(2):
+        back = (read.place.origin[k] + read.corner_m[k] / read.place.scale[k]) / read.place.unit_m
+        assert abs(back - corner[k]) * read.place.unit_m < 1e-3
+    middle = (read.place.origin[0] - 3.0 / read.place.scale[0]) / read.place.unit_m
+    assert abs(middle - x) * read.place.unit_m < 1e-3
+
+
+def large(path, side=14400):
+    """A map of 207 megapixels whose heights are its coordinates, in deflated tiles."""
+    profile = {"driver": "GTiff", "width": side, "height": side, "count": 1, "dtype": "float32", "tiled": True,
+               "blockxsize": 256, "blockysize": 256, "compress": "deflate", "crs": "EPSG:32633",
+               "transform": rasterio.transform.from_origin(4e5, 7e6, 1.0, 1.0)}
+    with rasterio.open(path, "w", **profile) as out:
+        for row in range(7168, 7680, 256):  # the rest stays empty
+            window = rasterio.windows.Window(6912, row, 1024, 256)
+            rows, columns = np.mgrid[row:row + 256, 6912:7936]
+            out.write((rows * 0.01 + columns * 0.001).astype(np.float32), 1, window=window)
+    return path
+
+
+def test_only_the_sites_part_of_a_large_map_is_read(tmp_path):
+    """In a process of its own with 300 MB beside what it has: 207 megapixels would need 1.6 GB as doubles."""
+    path = large(tmp_path / "dtm.tif")
+    program = f"""
+import resource
+from pathlib import Path
+import numpy as np
+from icymoon.formats import geotiff
+with open("/proc/self/statm") as stream:
+    now = int(stream.read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (now + 300 * 10**6,) * 2)
+read = geotiff.read(Path({str(path)!r}), geotiff.Site(False, (407300.5, 6992600.5), 50.0))
+print(read.heights_m.shape, read.file_shape, read.corner_m)
+rows = 14399 - np.rint((read.corner_m[1] + 6992600.5 - 6985600.5) - 0)
+print(float(read.heights_m[-1, 0] - (rows * 0.01 + (read.corner_m[0] + 407300.5 - 400000.5) * 0.001)))
+"""
+    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False)
+    assert ended.returncode == 0, ended.stderr
+    shape, off = ended.stdout.splitlines()
+    assert shape.startswith("(83, 83) (14400, 14400)")
+    assert abs(float(off)) < 1e-4
+    assert resource.getrlimit(resource.RLIMIT_AS)[0] != 0
+
+
+def test_a_window_is_the_cut_of_the_whole(tmp_path, monkeypatch):
+    path, _ = written(tmp_path / "dem.tif", "UTM", 200)
+    site = Site(True, (11.0, -23.0), 60.0)
+    whole = geotiff.read(path, site)
+    monkeypatch.setattr(geotiff, "_MOST_WHOLE", 100)
+    part = geotiff.read(path, site)
+    assert part.heights_m.shape == (63, 63)
+    assert whole.corner_m is not None
+    assert part.corner_m is not None
+    left, low = (round((part.corner_m[k] - whole.corner_m[k]) / 2.0) for k in range(2))
+    cut = whole.heights_m[200 - low - 63:200 - low, left:left + 63]
+    np.testing.assert_array_equal(part.heights_m, cut)
+
+
+@pytest.mark.parametrize(("mark", "count"), [(-9999.0, 9), (-32768.0, 1), (0.0, 5), (65535.0, 3), (1e6, 2)])
+def test_missing_heights_without_a_mark_are_found(tmp_path, mark, count):
+    heights = 1500 + np.random.default_rng(1).uniform(0, 10, (64, 64))
+    heights.ravel()[:count * 65:65] = mark
+    np.save(tmp_path / "a.npy", heights)
+    built = ground_of(tmp_path / "a.npy", metres_per_pixel=2.0)
+    said = " ".join(built.warnings)
+    assert f"{count} pixel" in said
+    assert f"of exactly {mark:g}" in said
+    vertices = np.empty(3 * len(built.terrain.data.vertices))
+    built.terrain.data.vertices.foreach_get("co", vertices)
+    assert np.ptp(vertices[2::3]) < 11
+
+
+@pytest.mark.parametrize("heights", [
+    lambda: np.random.default_rng(1).uniform(0, 10, (64, 64)), lambda: np.maximum(np.mgrid[:64, :64][0] - 20.0, 0.0),
+    lambda: np.where(np.mgrid[:64, :64][0] > 60, -30.0, np.random.default_rng(1).uniform(0, 15, (64, 64))),
+    lambda: np.full((64, 64), 7.0)], ids=["noise", "a plain", "a pit", "level"])
+def test_heights_that_are_there_stay(tmp_path, heights):
+    np.save(tmp_path / "a.npy", heights())
+    assert "taken for missing" not in " ".join(ground_of(tmp_path / "a.npy", metres_per_pixel=2.0).warnings)
+
+
+def test_a_place_beyond_the_map_and_skewed_ground_are_refused_with_a_way(tmp_path):
+    path, _ = written(tmp_path / "dem.tif", "Mercator")
+    with pytest.raises(IcyMoonError, match=r"no height within terrain\.size_m"):
+        ground_of(path, centre=False)
+    crs = rasterio.crs.CRS.from_string(f"+proj=sinu +R={EUROPA_M} +no_defs")
+    with rasterio.open(tmp_path / "s.tif", "w", driver="GTiff", width=9, height=9, count=1, dtype="float32", crs=crs,
+                       transform=rasterio.transform.from_origin(9e5, 1.3e6, 2.0, 2.0)) as out:
+        out.write(np.ones((9, 9), np.float32), 1)
+    with pytest.raises(IcyMoonError, match=r'gdalwarp -t_srs "\+proj=aeqd .*units=m" s\.tif site\.tif') as caught:
+        ground_of(tmp_path / "s.tif")
+    srs = str(caught.value).split('"')[1]
+    rasterio.crs.CRS.from_string(srs)  # PROJ understands it
+
+
+def test_the_record_has_the_exact_place(tmp_path):
+    path, (x, y) = written(tmp_path / "dem.tif", "web map at 60°")
+    place = json.loads(json.dumps(ground_of(path, origin_x_m=4.0).ground["map"]))
+    assert place["crs"] == "EPSG:3857"
+    assert place["origin"][0] == pytest.approx(x + 8.0, abs=1e-3)
+    assert place["origin"][1] == pytest.approx(y, abs=1e-6)
+    assert place["height_zero_m"] == pytest.approx(100.0, abs=0.01)
+    assert place["latitude_deg"] == pytest.approx(60, abs=1e-4)
+    assert place["longitude_deg"] == pytest.approx(8.983, abs=1e-3)
