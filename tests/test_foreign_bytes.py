@@ -353,7 +353,6 @@ ALLOWED: dict[str, str] = {
     "render/pairs/scene_splits.py": "json.loads, open, tomllib.loads: ",
     "render/plans/plan_file.py": "tomllib.loads: ",
     "render/render_pair.py": "read_bytes: images that Blender wrote just now",
-    "render/workers/detached.py": "open: ",
     "settings/description.py": "tomllib.loads: ",
     "settings/pair_ids.py": "json.loads, read_text: shipped with the program, and what this process counted",
     "settings/toml_text.py": "tomllib.loads: ",

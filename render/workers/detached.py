@@ -41,7 +41,7 @@ class Detached(ProcessOutput):
         self.facts, self.leave = dict(facts), False
         self._stem, self._watch, self._process = stem, watch, process
         self._pid = int(facts["pid"])
-        self._log = stem.with_suffix(".log").open("rb")
+        self._log = system.open_regular(stem.with_suffix(".log"))
         self._rest = b""
         self._ended = False
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import shorten
+from ...files import sha256, shorten
 from ...formats import tiff
-from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
+from ...support.foreign_bytes import MOST_BYTES, ForeignBytes, RefusedError, parse_npy, parse_npz, read
 from ..adapters.icymoon_serve import drop_single_axes
 from ..images.bounded_decoding import decode, decode_exr
 from ..images.exr_header import EXR, parse_channels
@@ -52,13 +52,30 @@ class MapFile:
 
 
 def find_inside(root: Path, name: str | Path) -> Path:
-    """The file ``name`` in the folder ``root``. Raises IcyMoonError if it is missing, no file, or outside."""
+    """The file ``name`` in the folder ``root``; reading it tells whether it is a regular one.
+
+    Raises IcyMoonError if it is missing, or outside.
+    """
     path = root / name
-    if not path.resolve().is_relative_to(root.resolve()):
+    try:
+        inside, there = path.resolve().is_relative_to(root.resolve()), path.exists() or path.is_symlink()
+    except (OSError, RuntimeError):  # a link that leads to itself, and nowhere else
+        return path
+    except ValueError:
+        raise IcyMoonError(f"{root} names a file with characters that no path can have; write another name.") from None
+    if not inside:
         raise IcyMoonError(f"{path} is outside of {root}, and only files in a data set are read; copy it there.")
-    if not path.is_file():
+    if not there:
         raise IcyMoonError(f"{path} is missing; add it, or give another folder.")
     return path
+
+
+def read_checksum(path: Path) -> str:
+    """Checksum of a file; empty if it cannot be read, or is too large to be, which is reported where it is used."""
+    try:
+        return sha256(path) if path.is_file() and path.stat().st_size <= MOST_BYTES else ""
+    except OSError:
+        return ""
 
 
 def read_content(path: Path, most: int = MOST_TEXT) -> bytes:
@@ -192,7 +209,11 @@ def _parse_tiff(foreign: ForeignBytes) -> np.ndarray:
     image = tiff.read_directories(foreign)[0]
     height, width = image.shape
     check_size(width, height)
-    return tiff.read_pixels(foreign, image)[0]
+    try:
+        return tiff.read_pixels(foreign, image)[0]
+    except tiff.UnreadError as error:
+        fix = "" if ";" in str(error) else "; save it with one number per pixel."
+        raise RefusedError(f"{error}{fix}") from None
 
 
 def read_fields(path: Path, separator: str) -> dict[str, str]:

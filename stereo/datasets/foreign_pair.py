@@ -13,7 +13,6 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...file_shapes import FILE_NAME
-from ...files import read_checksum
 from ...physics.camera.hidden_points import is_in_frame, matching_column
 from ...render.pairs.pair_folder import StereoCamera
 from ..images import colours
@@ -25,7 +24,7 @@ from ..measure.fit_check import Places, find_places, ray_lengths, without_far_pl
 from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from ..measure.self_check import SelfCheck
-from .data_files import MapFile, read_image, read_map, read_radiance
+from .data_files import MapFile, read_checksum, read_image, read_map, read_radiance
 from .input_faults import WRONG_SIGN, check_truth
 
 #: Share of the width that matchers search where a data set states no range.

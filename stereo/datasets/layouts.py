@@ -121,7 +121,9 @@ def _sceneflow(path: Path) -> list[ForeignPair]:
     if not passes or not (root / "disparity").is_dir():
         return []
     found = []
-    for image in sorted((root / passes[0]).glob("**/left/*.png")):
+    # Its pictures come as PNG or as WebP.
+    images = next(filter(None, (sorted((root / passes[0]).glob(f"**/left/*.{kind}")) for kind in ("png", "webp"))), [])
+    for image in images:
         inner = image.relative_to(root / passes[0])
         scene = inner.parent.parent
         other = scene / "right" / inner.name
