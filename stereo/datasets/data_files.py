@@ -135,7 +135,8 @@ def read_map(file: MapFile) -> np.ndarray:
                              memory=MOST_IMAGE_MEMORY)
     if values.ndim != 2:
         raise IcyMoonError(f"{file.path} has the shape {values.shape}; give one number per pixel, rows and columns.")
-    values = values.astype(np.float64) / (usual if file.steps is None else file.steps)
+    values = values.astype(np.float64)
+    values /= usual if file.steps is None else file.steps
     values[~np.isfinite(values) | (values == 0)] = np.nan
     return values
 

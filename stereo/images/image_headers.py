@@ -14,9 +14,10 @@ import numpy as np
 
 from ...support.foreign_bytes import Cursor, ForeignBytes, RefusedError
 
-#: Most pixels of an image of others: eight times the largest images of Middlebury. Their bytes, 16 bits in four bands.
+#: Most pixels of an image of others: eight times the largest images of Middlebury. Most bytes of them: 32 bits each,
+#: and the header of an array.
 MOST_PIXELS = 2**26
-MOST_IMAGE_MEMORY = 8 * MOST_PIXELS + 2**12
+MOST_IMAGE_MEMORY = 4 * MOST_PIXELS + 2**12
 #: Most bytes of a JPEG or WebP file: four for each of these pixels, and twice the least that a file may need.
 _MOST_PACKED = 2**28
 #: What a file may have beyond its pixels: profiles, notes, a film behind a photograph.
@@ -34,6 +35,9 @@ _MOST_SEGMENTS, _MOST_SCANS, _MOST_FILL = 10_000, 100, 64
 #: Bytes of a scan that are looked through at once.
 _BLOCK = 2**16
 _START_OF_IMAGE, _END_OF_IMAGE, _START_OF_SCAN = 0xd8, 0xd9, 0xda
+#: A block of 8 x 8 pixels has a bit at least, of one of two bands at most, where codes are Huffman's. OpenCV would fill
+#: what is missing with grey.
+_PIXELS_PER_BYTE, _LAST_OF_HUFFMAN = 2 * 64 * 8, 0xc7
 _FRAMES = set(range(0xc0, 0xd0)) - {0xc4, 0xc8, 0xcc}
 _ALONE = {0x01, *range(0xd0, 0xd8)}  # markers without a length
 
@@ -117,7 +121,7 @@ def parse_jpeg(foreign: ForeignBytes) -> Encoded:
     cursor, values = Cursor(data, foreign.budget), np.frombuffer(data, np.uint8)
     cursor.skip(2)
     frame: tuple[int, int, int] | None = None
-    scans = 0
+    scans, packs_blocks = 0, True
     for _ in range(_MOST_SEGMENTS):
         kind = _next_marker(cursor)
         if kind in _ALONE:
@@ -125,12 +129,15 @@ def parse_jpeg(foreign: ForeignBytes) -> Encoded:
         if kind == _END_OF_IMAGE:
             if frame is None or not scans:
                 raise ValueError("it has no pixels")
+            width, height, _ = frame
+            if packs_blocks and cursor.at < width * height / _PIXELS_PER_BYTE:
+                raise ValueError(f"it has {cursor.at} bytes, fewer than its size needs")
             return Encoded(data[:cursor.at], *frame)
         length = cursor.number(">H") - 2
         if kind in _FRAMES:
             if frame:
                 raise ValueError("it states its size twice")
-            frame = _frame(cursor.take(length), foreign)
+            frame, packs_blocks = _frame(cursor.take(length), foreign), kind <= _LAST_OF_HUFFMAN
             continue
         cursor.skip(length)
         if kind == _START_OF_SCAN:

@@ -42,7 +42,8 @@ def segment(kind: int, body: bytes) -> bytes:
 
 
 def frame(width: int, height: int, bands: int = 1, depth: int = 8, kind: int = 0xc0) -> bytes:
-    return segment(kind, struct.pack(">BHHB", depth, height, width, bands) + b"\x01\x11\0" * bands)
+    return segment(kind, struct.pack(">BHHB", depth, height, width, bands)
+                   + b"".join(bytes((k, 0x11, 0)) for k in range(1, bands + 1)))
 
 
 def with_frame(jpeg: bytes, other: bytes, instead: bool = True) -> bytes:
@@ -127,6 +128,7 @@ PNGS = {
     "another size of its header": png()[:8] + chunk(b"IHDR", bytes(14)), "a data stream of another kind": png()[:33]
     + chunk(b"IDAT", b"no data") + chunk(b"IEND", b""), "200,001 parts": png(between=chunk(b"tEXt", b"") * 200_001)}
 JPEGS = {
+    "few bytes for its size": with_frame(_JPEG, frame(8000, 8000)),
     "65535 x 65535": with_frame(_JPEG, frame(65535, 65535)), "no height": with_frame(_JPEG, frame(9, 0)),
     "no width": with_frame(_JPEG, frame(0, 9)), "two sizes": with_frame(_JPEG, frame(WIDTH, HEIGHT), False),
     "12 bits": with_frame(_JPEG, frame(WIDTH, HEIGHT, depth=12)),
