@@ -135,7 +135,7 @@ def read(path: Path, site: Site | None = None) -> GeoTiff:
 
     Raises IcyMoonError with the fix where it cannot be read.
     """
-    return read_foreign(path, lambda foreign: _read(foreign, path.name, site), KIND, f"copy it again or {FIX}",
+    return read_foreign(path, lambda foreign: _read(foreign, path.name, site), KIND, f"{FIX}, or copy it again",
                         MOST_BYTES)
 
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..support.foreign_bytes import Budget, ForeignBytes, RefusedError, read
+from ..support.foreign_bytes import Budget, ForeignBytes, OverBudgetError, RefusedError, read
 
 #: The fix for whatever is not read, as a command.
 FIX = "convert it with: gdal_translate -b 1 -co COMPRESS=DEFLATE in.tif out.tif"
@@ -149,8 +149,8 @@ def read_pixels(foreign: ForeignBytes, image: Directory, window: tuple[range, ra
     """The one band of an image as float64 (rows, columns), NaN where a tile is absent, and its own number type.
 
     Of a ``window`` (rows, columns) only the tiles or strips are read that it touches. Raises UnreadError if the image
-    is of a kind that is not read, OverBudgetError if it is more than a file of its size may take of memory, and
-    ValueError or an error of the decompressor if the file is torn or has no such window.
+    is of a kind that is not read, or more than a file of its size may take of memory, and ValueError or an error of the
+    decompressor if the file is torn or has no such window.
     """
     number, unpack = _number_type(image), _choose_unpacker(image)
     rows, columns = image.shape
@@ -170,7 +170,11 @@ def read_pixels(foreign: ForeignBytes, image: Directory, window: tuple[range, ra
         raise ValueError(f"{len(offsets)} tiles or strips")
     row_bytes = -(-width // 8) if number.kind == "b" else width * number.itemsize
     # A tile is there packed, unpacked and with its prediction undone.
-    foreign.budget.charge(_PIXEL_MEMORY * len(down) * len(right) + 3 * height * row_bytes, "pixels")
+    try:
+        foreign.budget.charge(_PIXEL_MEMORY * len(down) * len(right) + 3 * height * row_bytes, "pixels")
+    except OverBudgetError:
+        raise UnreadError(f"has {columns} x {rows} pixels in tiles of {width} x {height}, which is more than a file of "
+                          f"{foreign.size / 1e6:.2g} MB may take of memory; {_CUT}") from None
     grid = np.full((len(down), len(right)), np.nan)
     predictor, packed = image.number(317, 1), image.number(259, 1) != 1
     columns_of = [(left // width, *_overlap(left, width, right))
