@@ -202,6 +202,11 @@ def shorten(text: str) -> str:
     return text if len(text) <= 80 else text[:60] + "…"
 
 
+def quote(value: object) -> str:
+    """A value to quote in a sentence, as Python writes it: only its beginning if that is long."""
+    return shorten(repr(value))
+
+
 def is_file(path: Path) -> bool:
     """Whether there is such a file; False too for what can be no path."""
     try:

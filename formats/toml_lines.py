@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ..support.foreign_bytes import Budget, OverBudgetError, parse_toml
+
 Key = tuple[str | int, ...]
 
 
@@ -19,34 +21,56 @@ def _has(data: Any, key: Key) -> bool:
     return True
 
 
-def _parse_beginning(beginning: str) -> dict[str, Any] | None:
+#: Characters that are parsed to find a line. A text that needs more is so long that its lines are not told.
+_MOST_PARSED = 2**21
+
+
+def _parse_beginning(beginning: str, budget: Budget) -> dict[str, Any] | None:
     """The content of a beginning of a file, an array closed where it ends in one; None if it ends elsewhere."""
     for end in ("", "\n]"):
+        budget.charge(len(beginning) + 100)
         try:
-            return tomllib.loads(beginning + end)
+            return parse_toml(beginning + end)
         except tomllib.TOMLDecodeError:
             continue
     return None
 
 
-def find_line(text: str, key: Key) -> int | None:
-    """The line, from 1, in which the value or table at ``key`` begins; None if there is none.
+def find_line(text: str, key: Key, budget: Budget | None = None) -> int | None:
+    """The line, from 1, in which the value or table at ``key`` begins; None if there is none, or ``budget`` is used up.
 
     ``("sweep", 2, "rig", "pitch_deg")`` is the setting in the third table of a list. ``tomllib`` tells no lines, but
     the beginning of a file up to a line is a TOML file too: the first beginning that holds the key ends with it, and
     the last whole beginning before it ends just before it. So every spelling that TOML allows is understood.
     """
-    lines = text.splitlines()
-    whole = 0
-    for end in range(1, len(lines) + 1):
-        data = _parse_beginning("\n".join(lines[:end]))
-        if data is None:
-            continue  # in the middle of a value
-        if _has(data, key):
-            empty = (k for k in range(whole, end) if lines[k].strip() and not lines[k].lstrip().startswith("#"))
-            return next(empty, end - 1) + 1
-        whole = end
-    return None
+    budget, lines = budget or Budget(_MOST_PARSED), text.splitlines()
+    # The beginning of ``without`` lines is whole and lacks the key. Of ``within`` lines it has the key, and no whole
+    # one of ``least`` to ``within`` - 1 lines is there.
+    without, within = 0, len(lines)
+    try:
+        if (whole := _parse_beginning("\n".join(lines), budget)) is None or not _has(whole, key):
+            return None
+        least = within
+        while least > without + 1:
+            middle = (without + least) // 2
+            for end in range(middle, least):
+                data = _parse_beginning("\n".join(lines[:end]), budget)
+                if data is None:
+                    continue  # in the middle of a value
+                if _has(data, key):
+                    within = least = end
+                else:
+                    without = end
+                break
+            else:
+                least = middle
+                continue
+            if end > middle and within == least == end:
+                least = middle  # none is whole between the two
+    except OverBudgetError:
+        return None
+    empty = (k for k in range(without, within) if lines[k].strip() and not lines[k].lstrip().startswith("#"))
+    return next(empty, within - 1) + 1
 
 
 @dataclass(frozen=True)
@@ -62,7 +86,7 @@ class Place:
         return Place(self.file, self.text, (*self.key, *steps))
 
     def __str__(self) -> str:
-        key = self.key
-        while key and (line := find_line(self.text, key)) is None:
+        key, budget = self.key, Budget(_MOST_PARSED)
+        while key and (line := find_line(self.text, key, budget)) is None:
             key = key[:-1]  # what is absent is told at the table it belongs to
         return f"{self.file}, line {line}" if key else str(self.file)

@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from functools import lru_cache
@@ -20,8 +19,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..files import quote, shorten
 from ..plugins.landforms import PREFIX, missing_landform
 from ..suggestions import nearest
+from ..support.foreign_bytes import parse_toml
 from ..typed_settings import Parts, Settings, typed, typed_table
 from ..version import is_newer, version
 from . import pair_ids, trust_boundary
@@ -72,14 +73,15 @@ def canonical(setting: Setting, value: Any) -> Value:
 def _checked_list(setting: Setting, value: Any, name: str, where: str, stored: bool) -> Value:
     """A checked list of tables, each completed with defaults, or with ``pair_ids.before`` if it was ``stored``."""
     if not isinstance(value, (list, tuple)) or not all(isinstance(entry, Mapping) for entry in value):
-        raise IcyMoonError(f"{where}: {name} must be a list of tables, not {value!r}.")
+        raise IcyMoonError(f"{where}: {name} must be a list of tables, not {quote(value)}.")
     known = {s.key: s for s in setting.entries}
     missing = {key: pair_ids.before(f"{name}.{key}", s) if stored else s.default for key, s in known.items()}
     tables = []
     for k, entry in enumerate(value):
         for key in entry:
             if key not in known:
-                raise IcyMoonError(f"{where}: unknown setting {name}[{k}].{key}, {nearest(key, known, MIN_SIMILARITY)}")
+                raise IcyMoonError(f"{where}: unknown setting {name}[{k}].{shorten(key)}, "
+                                   f"{nearest(key, known, MIN_SIMILARITY)}")
         tables.append({key: _checked(s, entry.get(key, missing[key]), f"{name}[{k}].{key}", where, stored)
                        for key, s in known.items()})
     return tables
@@ -95,11 +97,11 @@ def _checked(setting: Setting, value: Any, name: str, where: str, stored: bool) 
                   "bool": isinstance(value, bool),
                   "text": isinstance(value, str), "choice": isinstance(value, str)}[setting.kind]
     if not right_type:
-        raise IcyMoonError(f"{where}: {name} must be {expected}, not {value!r}.")
+        raise IcyMoonError(f"{where}: {name} must be {expected}, not {quote(value)}.")
     if setting.kind == "choice":
         names = [choice[0] for choice in setting.choices]
         if value not in names:
-            raise IcyMoonError(f"{where}: {name} is {value!r}, {nearest(value, names, MIN_SIMILARITY)}")
+            raise IcyMoonError(f"{where}: {name} is {quote(value)}, {nearest(value, names, MIN_SIMILARITY)}")
     if setting.kind == "text" and (fault := trust_boundary.fault(setting.trust, value)):
         raise IcyMoonError(f"{where}: {name} {fault}")
     if setting.kind in ("int", "float"):
@@ -132,7 +134,7 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
             if stored:
                 checked.setdefault(topic, {})[key] = value
             elif value != pair_ids.SCHEMA["gone"][name]:
-                raise IcyMoonError(f"{where}: {name} is {value!r}, but this version supports only "
+                raise IcyMoonError(f"{where}: {name} is {quote(value)}, but this version supports only "
                                    f"{pair_ids.SCHEMA['gone'][name]!r}; remove the setting.")
             continue
         setting = _setting(name, where)
@@ -155,9 +157,10 @@ def _stated(data: Mapping[str, Any], where: str, stored: bool) -> Iterator[tuple
                 raise IcyMoonError(f"{where}: {missing_landform(topic, '')}")
             continue
         if topic not in TOPICS and topic not in former:
-            raise IcyMoonError(f"{where}: unknown topic [{topic}], {nearest_topic(topic, TOPICS, MIN_SIMILARITY)}")
+            raise IcyMoonError(f"{where}: unknown topic [{shorten(topic)}], "
+                               f"{nearest_topic(topic, TOPICS, MIN_SIMILARITY)}")
         if not isinstance(values, Mapping):
-            raise IcyMoonError(f"{where}: [{topic}] must be a table of settings, not {values!r}.")
+            raise IcyMoonError(f"{where}: [{topic}] must be a table of settings, not {quote(values)}.")
         yield from ((topic, key, value) for key, value in values.items())
 
 
@@ -178,7 +181,7 @@ def _setting(name: str, where: str) -> Setting:
         return TOPICS[topic][key]
     except KeyError:
         known = (s.key for s in TOPICS[topic].settings) if topic in TOPICS else TOPICS
-        raise IcyMoonError(f"{where}: unknown setting {name}, {nearest(key, known, MIN_SIMILARITY)}") from None
+        raise IcyMoonError(f"{where}: unknown setting {shorten(name)}, {nearest(key, known, MIN_SIMILARITY)}") from None
 
 
 def restored(data: Mapping[str, Any], where: str, written_by: str = "") -> Settings:
@@ -244,8 +247,8 @@ def override(text: str) -> Settings:
         parsed = value.strip("\"'")
     else:
         try:
-            parsed = tomllib.loads(f"value = {value}")["value"]
-        except (ValueError, RecursionError):
+            parsed = parse_toml(f"value = {value}")["value"]
+        except ValueError:
             parsed = value
     return check({topic_key: {key: parsed}}, f"--set {text}")
 

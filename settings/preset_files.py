@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
-from ..files import is_file, shorten
+from ..files import is_file, quote, shorten
 from ..suggestions import nearest
 from ..typed_settings import Settings
 from ..version import version
@@ -54,13 +54,13 @@ def load_preset(name: str) -> Settings:
 def _checked_header(header: Any, path: Path) -> list[str]:
     """The names of the presets that the ``[preset]`` table of a file includes."""
     if not isinstance(header, Mapping):
-        raise IcyMoonError(f"{path}: [preset] must be a table, not {header!r}.")
+        raise IcyMoonError(f"{path}: [preset] must be a table, not {quote(header)}.")
     unknown = sorted(set(header) - set(_HEADER))
     if unknown:
         raise IcyMoonError(f"{path}: unknown key preset.{unknown[0]}, {nearest(unknown[0], _HEADER, MIN_SIMILARITY)}")
     included = header.get("include", [])
     if not isinstance(included, list) or not all(isinstance(name, str) for name in included):
-        raise IcyMoonError(f"{path}: preset.include must be a list of names in quotes, not {included!r}.")
+        raise IcyMoonError(f"{path}: preset.include must be a list of names in quotes, not {quote(included)}.")
     return included
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 from ..errors import IcyMoonError
 from ..files import read_text
 from ..plugins.landforms import PREFIX, RELEASE
+from ..support.foreign_bytes import parse_toml
 from .table import Value
 
 
@@ -18,10 +18,10 @@ def toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
     """The raw content of a TOML file, and its text. Raises IcyMoonError if it cannot be read or parsed."""
     try:
         text = read_text(path)
-        return tomllib.loads(text), text
+        return parse_toml(text), text
     except OSError as error:
         raise IcyMoonError(f"{path}: cannot be read ({error.strerror}).") from None
-    except (ValueError, RecursionError) as error:  # no TOML, no UTF-8, too large a number, or too deep a list
+    except ValueError as error:  # no TOML, or no UTF-8
         raise IcyMoonError(f"{path}: is not valid TOML ({error}).") from None
 
 

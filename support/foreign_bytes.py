@@ -37,6 +37,8 @@ Parsed = TypeVar("Parsed")
 MOST_BYTES, MOST_MEMORY = 2**30, 2**28
 #: Largest text file: a plan of 100,000 pairs has 40 MB. Longest line of a text that is read line by line.
 MOST_TEXT, LONGEST_LINE = 2**26, 2**16
+#: Longest TOML text, which takes 4 s and 500 MB at most; most parts of one of its keys.
+MOST_TOML, _MOST_PARTS = 4_000_000, 10
 #: Each byte of a file may be read so many times; formats whose tables lead to their data need two.
 _MOST_READINGS = 4
 #: Bytes that are split into lines at a time, at least.
@@ -325,11 +327,24 @@ def _parse_finite(text: str) -> float:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The content of a TOML text. Raises tomllib.TOMLDecodeError, a ValueError with line and column, for another."""
+    """The content of a TOML text. Raises tomllib.TOMLDecodeError, a ValueError with line and column, for another, and
+    for one of more than ``MOST_TOML`` characters or with keys of more than ten parts."""
+    if len(text) > MOST_TOML:
+        raise tomllib.TOMLDecodeError(f"it has {len(text) / 1e6:.0f} million characters, more than "
+                                      f"{MOST_TOML / 1e6:g}")
+    for number, line in enumerate(text.split("\n"), 1):  # tomllib looks at each beginning of a key
+        if line.count(".") > _MOST_PARTS:
+            head = line.partition("=")[0] if "=" in line else line if line.lstrip().startswith("[") else ""
+            if head.partition(",")[0].count(".") > _MOST_PARTS:
+                raise tomllib.TOMLDecodeError(f"line {number} has a key of more than {_MOST_PARTS} parts")
     try:
         return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
     except RecursionError:
         raise tomllib.TOMLDecodeError("it is nested too deeply") from None
+    except ValueError as error:  # a number of too many digits
+        raise tomllib.TOMLDecodeError(str(error)) from None
 
 
 def parse_xml(text: str) -> ElementTree.Element:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
+from ...files import quote
 from ...settings import pair_ids
 from ...settings.table import TOPICS
+from ...support.foreign_bytes import ForeignBytes, parse_json, parse_toml, read
 from .pair_folder import Pair
 
 _NAME = re.compile(r"[A-Za-z0-9_-]+")
@@ -41,9 +42,10 @@ def check_splits(splits: Any) -> dict[str, float]:
     """The shares of splits, whose sum is 1. Raises IcyMoonError for others."""
     if not isinstance(splits, Mapping) or any(isinstance(share, bool) or not isinstance(share, int | float)
                                               for share in splits.values()):
-        raise IcyMoonError(f"The splits are {splits!r}; give each a share of the scenes, such as train = 0.9.")
+        raise IcyMoonError(f"The splits are {quote(splits)}; give each a share of the scenes, such as train = 0.9.")
     if bad := next((name for name in splits if not _NAME.fullmatch(name)), None):
-        raise IcyMoonError(f"A split is called {bad!r}; use letters, digits, - and _ only, since files are named so.")
+        raise IcyMoonError(f"A split is called {quote(bad)}; use letters, digits, - and _ only, since files are "
+                           "named so.")
     if not splits or min(splits.values()) < 0 or abs(sum(splits.values()) - 1) > 1e-6:
         shown = ", ".join(f"{name} {share:g}" for name, share in splits.items())
         raise IcyMoonError(f"The splits are {shown or 'none'}; give each a share of the scenes, 1 in all.")
@@ -56,15 +58,23 @@ def splits_of(dataset: Path) -> dict[str, float]:
     Raises IcyMoonError for a plan that states what are no shares.
     """
     try:
-        with (dataset / "plan.jsonl").open(encoding="utf-8") as lines:
-            text = json.loads(lines.readline())["plan"]
-        stated = tomllib.loads(text).get("plan", {}).get("splits")
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        text = read(dataset / "plan.jsonl", _parse_plan, "a list of planned pairs", "")
+        stated = parse_toml(text).get("plan", {}).get("splits")
+    except (IcyMoonError, ValueError, AttributeError):
         return SPLITS
     try:
         return SPLITS if stated is None else check_splits(stated)
     except IcyMoonError as error:
         raise IcyMoonError(f"{dataset / 'plan.jsonl'}: {error}") from None
+
+
+def _parse_plan(foreign: ForeignBytes) -> str:
+    """The text of the plan in the first line of the list of its pairs."""
+    for most in (2**16, 2**21, 2**26):  # it is asked for each pair, and the list may be long
+        first, end, _ = foreign.part(0, min(most, foreign.size)).partition(b"\n")
+        if end or foreign.size <= most:
+            return str(parse_json(first)["plan"])
+    raise ValueError("its first line has no end")
 
 
 def split_of_pair(pair: Pair) -> str:

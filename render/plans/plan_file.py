@@ -7,19 +7,19 @@ the line and the fix. ``docs/datasets.md`` describes the format.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...files import is_file, parse_path
+from ...files import is_file, parse_path, quote
 from ...formats.toml_lines import Place
 from ...settings.description import check
 from ...settings.preset_files import PLANS, plan_names
 from ...settings.toml_text import read_toml, toml_and_text
 from ...suggestions import nearest
+from ...support.foreign_bytes import parse_toml
 from ..pairs.scene_splits import check_splits
 from . import poses, sweeps
 from .combine import MOST_GROUNDS, Combined, Design, Report, combine
@@ -125,7 +125,7 @@ def find_plan(name: str) -> Path:
     path = parse_path(name, "The plan")
     if path.suffix == ".toml" or path.is_file():
         return path
-    raise IcyMoonError(f"Unknown plan {name!r}, {nearest(name, plan_names())}")
+    raise IcyMoonError(f"Unknown plan {quote(name)}, {nearest(name, plan_names())}")
 
 
 def read_plan_header(path: Path) -> tuple[str, str]:
@@ -141,7 +141,7 @@ def read_plan(path: Path) -> Plan:
 
 def parse_plan(path: Path, text: str) -> Plan:
     """The plan that a file with this text would be. Raises IcyMoonError as ``read_plan``."""
-    return _parse(path, tomllib.loads(text), text, ())
+    return _parse(path, parse_toml(text), text, ())
 
 
 def _read_extended(path: Path, readers: tuple[Path, ...]) -> Plan:
@@ -182,7 +182,7 @@ def _count_seeds(stated: int | list[int]) -> int:
 
 def _text(header: Mapping[str, Any], key: str, place: Place) -> str:
     if not isinstance(header.get(key, ""), str):
-        raise IcyMoonError(f"{place.at(key)}: {key} must be a text in quotes, not {header[key]!r}.")
+        raise IcyMoonError(f"{place.at(key)}: {key} must be a text in quotes, not {quote(header[key])}.")
     return str(header.get(key, ""))
 
 
@@ -192,7 +192,7 @@ def _names(header: Mapping[str, Any], key: str, place: Place) -> list[tuple[str,
     if not isinstance(value, list):
         value = [value]
     if not all(isinstance(name, str) for name in value):
-        raise IcyMoonError(f"{place.at(key)}: {key} must be a name in quotes or a list of them, not {value!r}.")
+        raise IcyMoonError(f"{place.at(key)}: {key} must be a name in quotes or a list of them, not {quote(value)}.")
     return [(name, place.at(key, k) if isinstance(header[key], list) else place.at(key))
             for k, name in enumerate(value)]
 
@@ -212,7 +212,7 @@ def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, 
     for name, at in _names(header, "without", place):
         if not any(name == sweep.name for design in designs for sweep in design.sweeps):
             known = sorted({sweep.name for design in designs for sweep in design.sweeps})
-            raise IcyMoonError(f"{at}: there is no sweep {name!r} to leave out, {nearest(name, known)}")
+            raise IcyMoonError(f"{at}: there is no sweep {quote(name)} to leave out, {nearest(name, known)}")
         designs = [replace(design, sweeps=tuple(b for b in design.sweeps if b.name != name)) for design in designs]
     return designs
 
@@ -247,7 +247,7 @@ def _count(header: Mapping[str, Any], key: str, what: str, place: Place) -> int:
     """A whole number that the header states."""
     value = header[key]
     if not isinstance(value, int) or isinstance(value, bool) or value < 1:
-        raise IcyMoonError(f"{place.at(key)}: {key} is {value!r}, it must be a whole number of {what} from 1 up.")
+        raise IcyMoonError(f"{place.at(key)}: {key} is {quote(value)}, it must be a whole number of {what} from 1 up.")
     return value
 
 
@@ -260,8 +260,8 @@ def _seeds(value: Any, place: Place) -> tuple[int | list[int], Place]:
             check({"dataset": {"seed": seed}}, str(place))
         return value, place
     if isinstance(value, list) or not whole or not 1 <= value <= _SEEDS_MOST:
-        raise IcyMoonError(f"{place}: seeds is {value!r}, it must be how many there are (1 to {_SEEDS_MOST}) or list "
-                           "them.")
+        raise IcyMoonError(f"{place}: seeds is {quote(value)}, it must be how many there are (1 to {_SEEDS_MOST}) or "
+                           "list them.")
     return value, place
 
 
@@ -270,17 +270,17 @@ def _with_sweep(designs: Sequence[Design], table: Mapping[str, Any], place: Plac
     kinds = (*sweeps.KINDS, *poses.KINDS)
     kind, replaces = table.get("kind"), _text(table, "replaces", place) or None
     if kind not in kinds:
-        problem = "lacks its kind" if kind is None else f"is of kind {kind!r}"
+        problem = "lacks its kind" if kind is None else f"is of kind {quote(kind)}"
         raise IcyMoonError(f"{place.at('kind')}: this sweep {problem}, {nearest(str(kind), kinds)}")
     known = {sweep.name for design in designs for sweep in design.sweeps}
     if replaces is not None and replaces not in known:
-        raise IcyMoonError(f"{place.at('replaces')}: there is no sweep {replaces!r} to replace, "
+        raise IcyMoonError(f"{place.at('replaces')}: there is no sweep {quote(replaces)} to replace, "
                            f"{nearest(replaces, sorted(known))}")
     # Random numbers depend on the name; a made-up one counts the sweeps of its kind in this file.
     name = replaces or _text(table, "name", place) or _free_name(kind, known)
     if replaces is None and name in known:
-        raise IcyMoonError(f"{place.at('name')}: there is a sweep {name!r} already; write replaces = {name!r} or "
-                           "choose another name.")
+        raise IcyMoonError(f"{place.at('name')}: there is a sweep {quote(name)} already; write replaces = "
+                           f"{quote(name)} or choose another name.")
     sweep = Sweep(kind, name, {key: v for key, v in table.items() if key not in ("kind", "name", "replaces")}, place)
     if replaces is None:
         return [replace(design, sweeps=(*design.sweeps, sweep)) for design in designs]

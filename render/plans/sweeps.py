@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import parse_path
+from ...files import parse_path, quote, shorten
 from ...formats.toml_lines import Place
 from ...physics.random_numbers import sampling
 from ...physics.random_numbers.seeds import generator
@@ -56,7 +56,7 @@ def check_keys(table: Mapping[str, Any], known: Sequence[str], place: Place, wha
     """Raise IcyMoonError if a table has a key that it cannot have."""
     for key in table:
         if key not in known:
-            raise IcyMoonError(f"{place.at(key)}: {what} has no {key}, {nearest(key, known)}")
+            raise IcyMoonError(f"{place.at(key)}: {what} has no {shorten(key)}, {nearest(key, known)}")
 
 
 def check_settings(data: Mapping[str, Any], place: Place) -> Settings:
@@ -79,7 +79,7 @@ def check_settings(data: Mapping[str, Any], place: Place) -> Settings:
 def load_included(name: Any, place: Place) -> Settings:
     """The settings of a shipped preset, or of a settings file whose name ends in .toml, beside the plan."""
     if not isinstance(name, str):
-        raise IcyMoonError(f"{place}: a preset is named by a text in quotes, not {name!r}.")
+        raise IcyMoonError(f"{place}: a preset is named by a text in quotes, not {quote(name)}.")
     try:
         return load(place.file.parent / parse_path(name, "The preset") if name.endswith(".toml") else preset_path(name))
     except IcyMoonError as error:
@@ -95,7 +95,7 @@ def read_count(sweep: Sweep, key: str, least: int = 1) -> int:
     """A count that a sweep must state."""
     value = sweep.table.get(key)
     if not isinstance(value, int) or isinstance(value, bool) or value < least:
-        problem = "is missing" if value is None else f"is {value!r}"
+        problem = "is missing" if value is None else f"is {quote(value)}"
         raise IcyMoonError(f"{sweep.place.at(key)}: {key} {problem}, it must be a whole number from {least} up.")
     check_pair_count(value, sweep.place.at(key))
     return value
@@ -111,10 +111,10 @@ def check_pair_count(pairs: int, place: Place) -> None:
 def _find_setting(topic: str, key: str, place: Place) -> Setting:
     """The setting that a factor names."""
     if topic not in TOPICS:
-        raise IcyMoonError(f"{place}: unknown topic {topic}, {nearest_topic(topic, TOPICS)}")
+        raise IcyMoonError(f"{place}: unknown topic {shorten(topic)}, {nearest_topic(topic, TOPICS)}")
     known = {s.key: s for s in TOPICS[topic].settings}
     if key not in known:
-        raise IcyMoonError(f"{place}: unknown setting {topic}.{key}, {nearest(key, known)}")
+        raise IcyMoonError(f"{place}: unknown setting {topic}.{shorten(key)}, {nearest(key, known)}")
     if known[key].effect in NOT_SWEPT:
         raise IcyMoonError(f"{place}: {topic}.{key} {NOT_SWEPT[known[key].effect]}.")
     return known[key]
@@ -134,7 +134,7 @@ def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting 
             found += [(f"{_PRESETS}.{key}", None, stated, place.at(key)) for key, stated in values.items()]
             continue
         if topic not in (_PRESETS, *TOPICS):
-            raise IcyMoonError(f"{place}: a {sweep.kind} sweep has no {topic}, "
+            raise IcyMoonError(f"{place}: a {sweep.kind} sweep has no {shorten(topic)}, "
                                f"{nearest_topic(topic, [*also, *TOPICS])}")
         if topic == _PRESETS:
             raise IcyMoonError(f"{place}: presets are lists by names of yours, such as presets.sensor; a single list "
@@ -164,7 +164,7 @@ def _read_listed(sweep: Sweep) -> list[list[Variation]]:
     for name, setting, values, place in _read_factors(sweep, ()):
         if not isinstance(values, list) or not values:
             raise IcyMoonError(f"{place}: {name} must list the values that it takes in turn, as in "
-                               f"[{getattr(setting, 'default', 'a preset')!r}, …], not {values!r}.")
+                               f"[{getattr(setting, 'default', 'a preset')!r}, …], not {quote(values)}.")
         factors.append([Variation(_read_part(name, value, place), place) for value in values])
     return factors
 
@@ -218,7 +218,7 @@ def _read_law(name: str, setting: Setting | None, law: Any, place: Place,
     [(law_name, numbers)] = stated.items()
     if law_name == "choice":
         if not isinstance(numbers, list) or not numbers:
-            raise IcyMoonError(f"{place}: choice of {name} must list values, not {numbers!r}.")
+            raise IcyMoonError(f"{place}: choice of {name} must list values, not {quote(numbers)}.")
         return lambda fraction: [numbers[k] for k in sampling.whole(fraction, 0, len(numbers) - 1)]
     if law_name not in ("uniform", "log_uniform", "normal"):
         raise IcyMoonError(f"{place}: there is no distribution {law_name}, "
@@ -262,7 +262,7 @@ def _rounded(setting: Setting, values: np.ndarray) -> list[Any]:
 def _read_two_numbers(numbers: Any, what: str, place: Place) -> tuple[float, float]:
     if (not isinstance(numbers, list) or len(numbers) != 2
             or not all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in numbers)):
-        raise IcyMoonError(f"{place}: {what} must be two numbers, not {numbers!r}.")
+        raise IcyMoonError(f"{place}: {what} must be two numbers, not {quote(numbers)}.")
     return float(numbers[0]), float(numbers[1])
 
 

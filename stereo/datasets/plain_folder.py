@@ -30,6 +30,7 @@ from ...errors import IcyMoonError
 from ...file_shapes import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record
 from ...render.pairs.pair_folder import StereoCamera
 from ...suggestions import nearest
+from ...support.foreign_bytes import parse_toml
 from .data_files import MapFile, find_inside, read_text
 from .foreign_pair import ForeignPair, Mask, safe_name
 
@@ -73,7 +74,7 @@ def plain_pairs(root: Path) -> list[ForeignPair]:
 def parse_pairs_toml(path: Path) -> dict[str, Any]:
     """The content of a ``pairs.toml``. Raises IcyMoonError for an unknown, missing or wrong key."""
     try:
-        data = tomllib.loads(read_text(path))
+        data = parse_toml(read_text(path))
     except tomllib.TOMLDecodeError as error:
         raise IcyMoonError(f"{path} is not TOML ({error}); {_FIX}.") from None
     check_record(data, _SHAPE, path, _FIX)

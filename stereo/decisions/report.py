@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 
 from ...files import escape_cell, read_text, write_json, write_text
 from ...number_text import show_rounded
+from ...support.foreign_bytes import parse_toml
 from ...version import version
 from ..matchers import TITLES
 from ..measure.render_noise import DECIDES
@@ -318,8 +318,8 @@ def _csv_text(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def _page(report: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]],
           labels: Sequence[str], rules: Rules, out: Path) -> str:
-    sources = tomllib.loads(read_text(SHIPPED))["sources"]
-    shipped = {part: tomllib.loads(read_text(SHIPPED))[part] for part in rules.to_json()}
+    sources = parse_toml(read_text(SHIPPED))["sources"]
+    shipped = {part: parse_toml(read_text(SHIPPED))[part] for part in rules.to_json()}
     stated = [(f"{part}.{key}", value, sources[f"{part}.{key}"] if shipped[part][key] == value else "Stated by --rules")
               for part, table in rules.to_json().items() for key, value in table.items()]
     titles = {column.key: column.title for column in COLUMNS}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...files import read_text
 from ...suggestions import nearest
+from ...support.foreign_bytes import parse_toml
 
 SHIPPED = Path(__file__).with_suffix(".toml")
 
@@ -67,7 +67,7 @@ def read_rules(path: Path | None = None) -> Rules:
 
 def _read(path: Path) -> dict[str, dict[str, float]]:
     try:
-        data = tomllib.loads(read_text(path))
+        data = parse_toml(read_text(path))
     except (OSError, ValueError) as error:
         raise IcyMoonError(f"{path} cannot be read as rules ({error}); give a TOML file.") from None
     data.pop("sources", None)
