@@ -36,7 +36,7 @@ from ..physics.rig.seen_points import find_seen_facets, sides_passed
 from ..physics.scene_requirements import why_not_baked
 from ..settings import changes
 from ..typed_settings import Settings
-from . import baked_rocks, cycles_settings
+from . import baked_rocks, cycles_settings, texel_bakes
 from .pairs.baked_file import BakedLight
 from .plans.planned_pair import PlannedPair
 from .workers.shared_light import KeptLight, SharedLight
@@ -169,7 +169,7 @@ def find_seen(built: Built, planned: PlannedPair) -> np.ndarray:
     with turn_about_eye(camera, planned.turn_deg):
         to_camera = np.array(camera.matrix_world.inverted() @ built.terrain.matrix_world)
     right, up, back = (_read_positions(mesh) @ to_camera[:3, :3].T + to_camera[:3, 3]).T
-    starts, _, corners, _ = _read_facets(mesh)
+    starts, _, corners, _ = texel_bakes.read_facets(mesh)
     return find_seen_facets(sides_passed(planned.settings.rig, right, -up, -back), starts, corners)
 
 
@@ -181,7 +181,7 @@ def _read_positions(mesh: bpy.types.Mesh) -> np.ndarray:
 
 def _vertices_of(mesh: bpy.types.Mesh, facets: np.ndarray) -> np.ndarray:
     """Which vertices are corners of some facets, bool (vertices,)."""
-    _, counts, corners, _ = _read_facets(mesh)
+    _, counts, corners, _ = texel_bakes.read_facets(mesh)
     found = np.zeros(len(mesh.vertices), bool)
     found[corners[np.repeat(facets, counts)]] = True
     return found
@@ -290,43 +290,22 @@ def _open_bake(item: bpy.types.Object, scene: bpy.types.Scene, settings: Setting
         tuple[baked_texels.Texels, Callable[[str, int, int], np.ndarray]]]:
     """The texels of an object around the vertices that are to be ``lit``, and a function of kind, samples and seed that
     bakes light over pi to them (n, 4), while the object has no fine relief."""
-    mesh, layer = item.data, scene.view_layers[0]
-    found = _lay_out(mesh, lit)
+    mesh = item.data
+    found = texel_bakes.lay_out(mesh, lit)
     with ExitStack() as undo:
-        image = _add_target(mesh, found, undo)
+        image = texel_bakes.add_target(mesh, found, undo)
         for material in mesh.materials:
             _smooth(material.node_tree, undo)
-            _aim(material.node_tree, image, undo)
-        layer.objects.active = item
-        item.select_set(True, view_layer=layer)
+            texel_bakes.aim(material.node_tree, image, undo)
 
         def run(kind: str, samples: int, seed: int) -> np.ndarray:
             quality = settings.quality | {"samples": samples, "denoiser": "NONE", "noise_threshold": 0.0}
             cycles_settings.apply(scene, quality, seed)
             scene.render.use_persistent_data = scene.render.use_multiview = False
-            _run_bake(scene, layer, item, kind)
-            texels = np.empty(4 * found.side ** 2, np.float32)
-            image.pixels.foreach_get(texels)
-            return texels.reshape(-1, 4)
+            _run_bake(scene, item, kind)
+            return texel_bakes.read_texels(image)
 
         yield found, run
-
-
-def _lay_out(mesh: bpy.types.Mesh, lit: np.ndarray) -> baked_texels.Texels:
-    """The texels of the facets around the vertices of a mesh that are to be ``lit``."""
-    starts, counts, corners, areas = _read_facets(mesh)
-    wanted = np.logical_or.reduceat(lit[corners], starts) if len(starts) else np.zeros(0, bool)
-    return baked_texels.lay_out(starts, counts, corners, areas, wanted)
-
-
-def _read_facets(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Of each facet its first corner, number of corners and, last, its area in m²; of each corner its vertex."""
-    count = len(mesh.polygons)
-    starts, corners, areas = np.empty(count, np.int32), np.empty(len(mesh.loops), np.int32), np.empty(count, np.float32)
-    mesh.polygons.foreach_get("loop_start", starts)
-    mesh.polygons.foreach_get("area", areas)
-    mesh.loops.foreach_get("vertex_index", corners)
-    return starts, np.diff(starts, append=len(corners)), corners, areas
 
 
 def _triangles(mesh: bpy.types.Mesh, seen: np.ndarray | None) -> np.ndarray:
@@ -338,32 +317,6 @@ def _triangles(mesh: bpy.types.Mesh, seen: np.ndarray | None) -> np.ndarray:
     return found.reshape(-1, 3) if seen is None else found.reshape(-1, 3)[seen[facets]]
 
 
-def _add_target(mesh: bpy.types.Mesh, found: baked_texels.Texels, undo: ExitStack) -> bpy.types.Image:
-    """An image with the texels of a mesh, whose places are its active texture coordinates until ``undo``."""
-    name, before = f"{BAKED_ATTRIBUTES['Sun']}_target", mesh.uv_layers.active_index
-    undo.callback(setattr, mesh.uv_layers, "active_index", before)
-    mesh.uv_layers.new(name=name, do_init=False)
-    undo.callback(lambda: mesh.uv_layers.remove(mesh.uv_layers[name]))
-    mesh.uv_layers[name].uv.foreach_set("vector", found.places.reshape(-1))
-    mesh.uv_layers.active = mesh.uv_layers[name]
-    image = bpy.data.images.new(name, found.side, found.side, alpha=True, float_buffer=True, is_data=True)
-    undo.callback(bpy.data.images.remove, image)
-    return image
-
-
-def _aim(tree: bpy.types.NodeTree, image: bpy.types.Image, undo: ExitStack) -> None:
-    """Let a bake of a surface go to an image."""
-    before, node = tree.nodes.active, tree.nodes.new("ShaderNodeTexImage")
-    node.image = image
-
-    def remove() -> None:
-        tree.nodes.remove(node)
-        tree.nodes.active = before
-
-    undo.callback(remove)
-    tree.nodes.active = node
-
-
 def _smooth(tree: bpy.types.NodeTree, undo: ExitStack) -> None:
     """Take the fine relief from the normals of a surface."""
     for node in tree.nodes:
@@ -372,19 +325,10 @@ def _smooth(tree: bpy.types.NodeTree, undo: ExitStack) -> None:
             tree.links.remove(link)
 
 
-def _run_bake(scene: bpy.types.Scene, layer: bpy.types.ViewLayer, item: bpy.types.Object, kind: str) -> None:
+def _run_bake(scene: bpy.types.Scene, item: bpy.types.Object, kind: str) -> None:
     what: dict[str, Any] = {"type": "AO"} if kind == "AO" else {"type": "DIFFUSE", "pass_filter": {kind}}
-    with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=item, object=item,
-                                   selected_objects=[item], selected_editable_objects=[item]):
-        try:
-            done = bpy.ops.object.bake(**what, target="IMAGE_TEXTURES",
-                                       save_mode="INTERNAL", use_clear=True, margin=0, use_selected_to_active=False)
-        except RuntimeError as error:
-            why = str(error).removeprefix("Error: ").strip().splitlines()[0]
-            raise IcyMoonError(f"Cycles could not bake the light of the ground ({why}); set quality.indirect to "
-                               "TRACED.") from None
-    if done != {"FINISHED"}:
-        raise IcyMoonError("Cycles could not bake the light of the ground; set quality.indirect to TRACED.")
+    if why := texel_bakes.run(scene, item, **what):
+        raise IcyMoonError(f"Cycles could not bake the light of the ground{why}; set quality.indirect to TRACED.")
 
 
 def _show(mesh: bpy.types.Mesh, group: str, values: np.ndarray) -> None:

@@ -1,0 +1,78 @@
+"""Bakes by Cycles to texels within the facets of a mesh, see ``physics.light.baked_texels``."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..labels import BAKED_ATTRIBUTES
+from ..physics.light import baked_texels
+
+
+def lay_out(mesh: bpy.types.Mesh, lit: np.ndarray) -> baked_texels.Texels:
+    """The texels of the facets around the vertices of a mesh that are to be ``lit``."""
+    starts, counts, corners, areas = read_facets(mesh)
+    wanted = np.logical_or.reduceat(lit[corners], starts) if len(starts) else np.zeros(0, bool)
+    return baked_texels.lay_out(starts, counts, corners, areas, wanted)
+
+
+def read_facets(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Of each facet its first corner, number of corners and, last, its area in m²; of each corner its vertex."""
+    count = len(mesh.polygons)
+    starts, corners, areas = np.empty(count, np.int32), np.empty(len(mesh.loops), np.int32), np.empty(count, np.float32)
+    mesh.polygons.foreach_get("loop_start", starts)
+    mesh.polygons.foreach_get("area", areas)
+    mesh.loops.foreach_get("vertex_index", corners)
+    return starts, np.diff(starts, append=len(corners)), corners, areas
+
+
+def add_target(mesh: bpy.types.Mesh, found: baked_texels.Texels, undo: ExitStack) -> bpy.types.Image:
+    """An image with the texels of a mesh, whose places are its active texture coordinates until ``undo``."""
+    name, before = f"{BAKED_ATTRIBUTES['Sun']}_target", mesh.uv_layers.active_index
+    undo.callback(setattr, mesh.uv_layers, "active_index", before)
+    mesh.uv_layers.new(name=name, do_init=False)
+    undo.callback(lambda: mesh.uv_layers.remove(mesh.uv_layers[name]))
+    mesh.uv_layers[name].uv.foreach_set("vector", found.places.reshape(-1))
+    mesh.uv_layers.active = mesh.uv_layers[name]
+    image = bpy.data.images.new(name, found.side, found.side, alpha=True, float_buffer=True, is_data=True)
+    undo.callback(bpy.data.images.remove, image)
+    return image
+
+
+def aim(tree: bpy.types.NodeTree, image: bpy.types.Image, undo: ExitStack) -> None:
+    """Let a bake of a surface go to an image, until ``undo``."""
+    before, node = tree.nodes.active, tree.nodes.new("ShaderNodeTexImage")
+    node.image = image
+
+    def remove() -> None:
+        tree.nodes.remove(node)
+        tree.nodes.active = before
+
+    undo.callback(remove)
+    tree.nodes.active = node
+
+
+def read_texels(image: bpy.types.Image) -> np.ndarray:
+    """The texels (n, 4) of an image; the last number is 0 where nothing was baked."""
+    texels = np.empty(4 * image.size[0] * image.size[1], np.float32)
+    image.pixels.foreach_get(texels)
+    return texels.reshape(-1, 4)
+
+
+def run(scene: bpy.types.Scene, item: bpy.types.Object, **what: Any) -> str:
+    """Bake ``what`` of an object to its target. Empty if Cycles did, and otherwise why not, to go on with a sentence.
+    """
+    layer = scene.view_layers[0]
+    layer.objects.active = item
+    item.select_set(True, view_layer=layer)
+    with bpy.context.temp_override(scene=scene, view_layer=layer, active_object=item, object=item,
+                                   selected_objects=[item], selected_editable_objects=[item]):
+        try:
+            done = bpy.ops.object.bake(**what, target="IMAGE_TEXTURES", save_mode="INTERNAL", use_clear=True, margin=0,
+                                       use_selected_to_active=False)
+        except RuntimeError as error:
+            return f" ({str(error).removeprefix('Error: ').strip().splitlines()[0]})"
+    return "" if done == {"FINISHED"} else " (it was cancelled)"
