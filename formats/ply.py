@@ -448,7 +448,7 @@ def _read_text_faces(foreign: ForeignBytes, header: _Header, corners: str) -> tu
 
 
 #: A triangle in a binary file of ours.
-_FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
+FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
 def write_triangles(path: Path, vertices: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None = None,
@@ -476,7 +476,7 @@ def _parse_triangles(foreign: ForeignBytes) -> tuple[np.ndarray, np.ndarray]:
     cursor = foreign.cursor(header.start)
     width = len(header.elements[0].properties)
     vertices = cursor.numbers("<f4", width * header.elements[0].count).reshape(-1, width)
-    faces = cursor.numbers(_FACE, header.elements[1].count)
+    faces = cursor.numbers(FACE, header.elements[1].count)
     if cursor.left or (faces["count"] != 3).any():
         raise ValueError("its faces are no triangles")
     return vertices[:, :3], faces["corners"].copy()
@@ -486,9 +486,15 @@ def encode_triangles(names: tuple[str, ...], vertices: np.ndarray, triangles: np
                      comments: tuple[str, ...] = ()) -> bytes:
     """A binary PLY file of vertices (n, k), whose k properties have these names, in single precision, and of indices
     (m, 3) of triangles."""
-    faces = np.empty(len(triangles), _FACE)
+    faces = np.empty(len(triangles), FACE)
     faces["count"], faces["corners"] = 3, triangles
+    return (header_of(names, len(vertices), len(faces), comments) + np.ascontiguousarray(vertices, "<f4").tobytes()
+            + faces.tobytes())
+
+
+def header_of(names: tuple[str, ...], vertices: int, triangles: int, comments: tuple[str, ...] = ()) -> bytes:
+    """The header of a binary file of so many vertices, with these properties in single precision, and triangles."""
     header = ["ply", "format binary_little_endian 1.0", *(f"comment {each}" for each in comments),
-              f"element vertex {len(vertices)}", *(f"property float {name}" for name in names),
-              f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
-    return "\n".join(header).encode("ascii") + np.ascontiguousarray(vertices, "<f4").tobytes() + faces.tobytes()
+              f"element vertex {vertices}", *(f"property float {name}" for name in names),
+              f"element face {triangles}", "property list uchar int vertex_indices", "end_header", ""]
+    return "\n".join(header).encode("ascii")

@@ -3,14 +3,15 @@
     __main__.py geometry JOB.json FOLDER [FORMAT [CELL_M]]
 
 The job is that of ``worker``. For each of its pairs, the folder of its id gets ``geometry.json`` and, by the format,
-meshes of each kind of object (``ply``, ``obj``, ``usd``), as Cycles gets them: evaluated, in the world, as triangles
-with the normals that shading uses; or maps (``dem``), see ``ground_files``.
+meshes of each kind of object (``ply``, ``obj``, ``usd``, ``gltf``), as Cycles traces them: evaluated, as triangles,
+with the vertices where displacement moves them, and with normals for shading; or maps (``dem``), see ``ground_files``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..files import explain_disk_errors, write_json
+from ..formats.placed_meshes import PlacedMesh, by_kind
 from ..labels import PLANET, SEMANTIC
 from ..nodes.datablocks.blend_file_paths import content
 from ..nodes.scene import Built, extra
@@ -29,37 +31,23 @@ from ..physics.surfaces import principled
 from ..settings.description import digest, merged
 from ..support.printer import emit
 from ..typed_settings import Settings
-from .ground_files import Triangles, frame_facts, write_map, write_meshes
+from .ground_files import frame_facts, refuse_too_many, write_map, write_meshes
 from .ground_maps import make_ground_map
+from .moved_vertices import as_rendered, is_moved
 from .plans.planned_pair import PlannedPair
 from .scene_source import ScenesFromSettings
 from .worker import pairs_of_job, run_to_exit
 from .workers.job import read_job
 
+#: Positions and normals (n, 3) and triangles (m, 3) of a mesh.
+Triangles = tuple[np.ndarray, np.ndarray, np.ndarray]
 _NO_MEMORY = "There is not enough memory to write the geometry; close other programs, or make the ground coarser."
 
 
-class _Triangles:
-    """Triangles that are collected: positions and normals (n, 3), and indices (m, 3)."""
-
-    def __init__(self) -> None:
-        self._parts: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-        self._count = 0
-
-    def add(self, vertices: np.ndarray, normals: np.ndarray, triangles: np.ndarray) -> None:
-        self._parts.append((vertices, normals, triangles + self._count))
-        self._count += len(vertices)
-
-    def join(self) -> Triangles:
-        """All as one mesh."""
-        vertices, normals, triangles = (np.concatenate(parts) for parts in zip(*self._parts, strict=True))
-        return vertices, normals, triangles
-
-
-def mesh_triangles(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
     """Positions and shading normals (n, 3) of a mesh, and its triangles (m, 3), in its own coordinates.
 
-    Vertices are shared where the surface is smooth. Otherwise each corner of a triangle has a vertex of its own.
+    Corners share a vertex where the surface is smooth. Otherwise each corner of a triangle has a vertex of its own.
     """
     mesh.calc_loop_triangles()
     loops = np.empty(3 * len(mesh.loop_triangles), np.int32)
@@ -72,17 +60,33 @@ def mesh_triangles(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.nda
     mesh.vertex_normals.foreach_get("vector", smooth)
     mesh.corner_normals.foreach_get("vector", split)
     positions, smooth, split = (values.reshape(-1, 3) for values in (positions, smooth, split))
-    if np.allclose(smooth[corners], split, atol=1e-4):
-        return positions, smooth, corners[loops].reshape(-1, 3)
-    return positions[corners[loops]], split[loops], np.arange(len(loops), dtype=np.int32).reshape(-1, 3)
+    alone = (np.abs(smooth[corners] - split) > 1e-4).any(axis=1)[loops]
+    used = np.zeros(len(positions), bool)
+    used[corners[loops[~alone]]] = True
+    index = (np.cumsum(used, dtype=np.int32) - 1)[corners[loops]]
+    index[alone] = used.sum() + np.arange(alone.sum())
+    own = loops[alone]
+    return (np.concatenate([positions[used], positions[corners[own]]]), np.concatenate([smooth[used], split[own]]),
+            index.reshape(-1, 3))
 
 
-def _instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, np.ndarray]]:
-    """Evaluated objects with a mesh that a render shows, and their matrices (4, 4)."""
+@dataclass
+class _Found:
+    """A mesh that a render shows, what it is of, its vertices and triangles, and the matrices of its places."""
+
+    kind: str
+    vertices: int
+    triangles: int
+    places: list[np.ndarray]
+
+
+def _instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.DepsgraphObjectInstance]]:
+    """Evaluated objects with a mesh of the site that a render shows."""
     for found in scene.view_layers[0].depsgraph.object_instances:
         item = found.object
-        if found.show_self and item.type == "MESH" and len(item.data.polygons) and not item.original.hide_render:
-            yield item, np.array(found.matrix_world, np.float64)
+        if (found.show_self and item.type == "MESH" and len(item.data.polygons) and not item.original.hide_render
+                and _label(item.data) != PLANET and item.original.get("icymoon") not in ("planet", "rings", "stars")):
+            yield item, found
 
 
 def _label(mesh: bpy.types.Mesh) -> int:
@@ -94,55 +98,74 @@ def write_geometry(built: Built, scene: bpy.types.Scene, folder: Path, kind: str
                    cell_m: float | None = None) -> dict[str, Any]:
     """Write the ground of a built scene that ``scene`` renders in a format; what ``geometry.json`` contains.
 
-    The planet, its rings and stars are left out: they are no geometry of the site. Relief that only a material has is
-    left out of meshes too, and named under ``left_out``.
+    The planet, its rings and stars are left out: they are no geometry of the site. Relief that is shading only, which
+    no depth has, is named under ``left_out``.
     """
     facts = frame_facts(built.settings)
     if kind == "dem":
         made = make_ground_map(built, scene, folder, cell_m)
         facts |= write_map(made, built.settings, folder) | {"left_out": _left_out_of_maps(built.settings)}
     else:
-        kinds = _collect(scene)
-        names = write_meshes(kinds, kind, built.settings, folder)
-        relief = built.settings.surface.grain_amplitude_m > 0
-        facts |= {"files": names, "meshes": {each: {"triangles": len(mesh[2])} for each, mesh in kinds.items()},
-                  "left_out": ["surface.grain_amplitude_m: relief that is finer than the mesh"] if relief else []}
+        meshes = _collect(scene, kind, built.settings.quality.threads)
+        names = write_meshes(meshes, kind, built.settings, folder)
+        facts |= {"files": names, "meshes": {each: _count(own) for each, own in by_kind(meshes).items()},
+                  "left_out": _left_out_of_meshes(built.settings)}
     write_json(folder / "geometry.json", facts)
     return facts
 
 
+def _count(meshes: Sequence[PlacedMesh]) -> dict[str, int]:
+    """Triangles that are rendered of meshes, and in how many places the meshes stand."""
+    return {"triangles": sum(len(mesh.triangles) * len(mesh.places) for mesh in meshes), "shapes": len(meshes),
+            "instances": sum(len(mesh.places) for mesh in meshes)}
+
+
+def _left_out_of_meshes(settings: Settings) -> list[str]:
+    """What meshes do not have of what is rendered, a sentence each."""
+    if settings.surface.grain_amplitude_m > 0 and settings.surface.relief != "DISPLACEMENT":
+        return ["surface.grain_amplitude_m: relief where it is shading only, as it is where the mesh is coarser; the "
+                "true depth does not have it either"]
+    return []
+
+
 def _left_out_of_maps(settings: Settings) -> list[str]:
     """What the maps do not have of what is rendered, a sentence each."""
-    found = []
-    if settings.surface.grain_amplitude_m > 0 and settings.surface.relief != "DISPLACEMENT":
-        found.append("surface.grain_amplitude_m: relief where it is shading only, as it is where the mesh is coarser")
+    found = _left_out_of_meshes(settings)
     if settings.rocks.coverage > 0 and any(principled.lets_light_through(settings[topic])
                                            for topic in surface_topics(settings)):
         found.append("clear ice: such rocks have the albedo of the rest of their ice")
     return found
 
 
-def _collect(scene: bpy.types.Scene) -> dict[str, Triangles]:
-    """The meshes that ``scene`` renders, in the world, by kind. Raises IcyMoonError if there are none."""
+def _collect(scene: bpy.types.Scene, suffix: str, threads: int) -> list[PlacedMesh]:
+    """The meshes that ``scene`` renders, with their places. Raises IcyMoonError if there are none, or more triangles
+    than a file of this suffix should have."""
     scene.view_layers[0].update()
-    kinds: dict[str, _Triangles] = {}
-    known: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
-    for item, matrix in _instances(scene):
-        label = _label(item.data)
-        if label == PLANET or item.original.get("icymoon") in ("planet", "rings", "stars"):
-            continue
-        if item.data.name_full not in known:
-            known[item.data.name_full] = mesh_triangles(item.data)
-        vertices, normals, triangles = known[item.data.name_full]
-        turned = normals @ np.linalg.inv(matrix[:3, :3])  # rows times the inverse: normals by its transpose
-        turned = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12)
-        if np.linalg.det(matrix[:3, :3]) < 0:
-            triangles = triangles[:, ::-1]
-        kinds.setdefault(SEMANTIC.get(label, "other") if label else "other", _Triangles()).add(
-            vertices @ matrix[:3, :3].T + matrix[:3, 3], turned, triangles)
-    if not kinds:
+    counted: dict[str, _Found] = {}
+    for item, found in _instances(scene):
+        mesh = item.data
+        if mesh.name_full not in counted:
+            label = _label(mesh)
+            counted[mesh.name_full] = _Found(SEMANTIC.get(label, "other") if label else "other", len(mesh.vertices),
+                                             len(mesh.loops) - 2 * len(mesh.polygons), [])
+        counted[mesh.name_full].places.append(np.array(found.matrix_world, np.float64))
+    if not counted:
         raise IcyMoonError("The scene has no meshes to write; build a ground first.")
-    return {kind: found.join() for kind, found in kinds.items()}
+    refuse_too_many([(len(each.places), each.vertices, each.triangles) for each in counted.values()], suffix)
+    # Places first: to move vertices evaluates another scene, after which what is evaluated here is gone.
+    ready: dict[str, Triangles] = {}
+    moved: dict[str, bpy.types.Mesh] = {}
+    for item, _ in _instances(scene):
+        if item.data.name_full in ready or item.data.name_full in moved:
+            continue
+        if is_moved(item.data):
+            moved[item.data.name_full] = item.original.data
+        else:
+            ready[item.data.name_full] = mesh_triangles(item.data)
+    for name, original in moved.items():
+        with as_rendered(original, counted[name].places[0], threads) as made:
+            ready[name] = mesh_triangles(made)
+    return [PlacedMesh(each.kind, *ready[name], np.array(each.places)) for name, each in counted.items()]
 
 
 @contextmanager

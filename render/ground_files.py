@@ -1,24 +1,25 @@
-"""What is written of the ground of a scene: maps as GeoTIFF, meshes as PLY, OBJ and USD, and the frame of both."""
+"""What is written of the ground of a scene: maps as GeoTIFF; meshes as PLY, OBJ, USD and glTF; the frame of both."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import bpy
 import numpy as np
 
-from .. import system
 from ..errors import IcyMoonError
 from ..files import write_atomically
-from ..formats.ply import write_triangles
+from ..formats.placed_meshes import PlacedMesh, by_kind, write_gltf, write_obj, write_ply, write_usd
 from ..formats.tiff_write import Place, encode_tiff
 from ..typed_settings import Settings
-from .cycles_errors import first_line
 from .ground_maps import GroundMap
 
-#: Positions and normals (n, 3) and triangles (m, 3) of a mesh.
-Triangles = tuple[np.ndarray, np.ndarray, np.ndarray]
+#: Most triangles in files that have no instances. Readers take about 100 bytes for each, as trimesh does with its
+#: 64-bit numbers, so these are 5 GB in memory.
+MOST_TRIANGLES = 50_000_000
+#: Formats that have no instances, and their bytes for a vertex with its normal and for a triangle.
+_WITHOUT_INSTANCES = {"ply": (24, 13), "obj": (75, 50)}
 #: Files of a map, and what their values are.
 MAPS = {"dem.tif": "height of the ground, m", "dsm.tif": "height of ground and rocks, m",
         "albedo.tif": "albedo in even light: R 620 nm, G 550 nm, B 460 nm"}
@@ -56,52 +57,32 @@ def _write(path: Path, data: bytes) -> None:
     write_atomically(path, fill)
 
 
-def write_meshes(kinds: dict[str, Triangles], suffix: str, settings: Settings, folder: Path) -> list[str]:
-    """Write meshes by kind, such as terrain and rock: a PLY file each, or one OBJ or USD file of all; their names.
-
-    Raises IcyMoonError if this Blender has no exporter for it, or it fails.
-    """
+def write_meshes(meshes: Sequence[PlacedMesh], suffix: str, settings: Settings, folder: Path) -> list[str]:
+    """Write meshes: a PLY file of each kind, such as terrain and rock, or one OBJ, USD or glTF file of all; the names
+    of the files."""
+    frame = describe_frame(settings)
     if suffix == "ply":
-        for kind, (vertices, normals, triangles) in kinds.items():
-            write_triangles(folder / f"{kind}.ply", vertices, triangles, normals, (describe_frame(settings),))
+        kinds = by_kind(meshes)
+        for kind, own in kinds.items():
+            write_ply(folder / f"{kind}.ply", own, frame)
         return [f"{kind}.ply" for kind in kinds]
-    name = f"ground.{suffix}"
-    write_atomically(folder / name, lambda part: _export(kinds, suffix, part))
+    write, name = {"obj": (write_obj, "ground.obj"), "usd": (write_usd, "ground.usd"),
+                   "gltf": (write_gltf, "ground.glb")}[suffix]
+    write(folder / name, meshes, frame)
     return [name]
 
 
-def _export(kinds: dict[str, Triangles], suffix: str, path: Path) -> None:
-    """Let Blender write meshes in a scene of their own."""
-    scene = bpy.data.scenes.new("Icy Moon Ground")
-    made = []
-    # Blender completes a name that has another suffix.
-    whole = path.with_name(f"{path.name}.{suffix}")
-    try:
-        for kind, (vertices, normals, triangles) in kinds.items():
-            mesh = bpy.data.meshes.new(kind)
-            made.append(bpy.data.objects.new(kind, mesh))
-            mesh.vertices.add(len(vertices))
-            mesh.vertices.foreach_set("co", np.ascontiguousarray(vertices, np.float32).ravel())
-            mesh.loops.add(3 * len(triangles))
-            mesh.loops.foreach_set("vertex_index", np.ascontiguousarray(triangles, np.int32).ravel())
-            mesh.polygons.add(len(triangles))
-            mesh.polygons.foreach_set("loop_start", np.arange(0, 3 * len(triangles), 3, dtype=np.int32))
-            mesh.update(calc_edges=True)
-            mesh.normals_split_custom_set_from_vertices(normals.tolist())
-            scene.collection.objects.link(made[-1])
-        with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
-            if suffix == "obj":
-                bpy.ops.wm.obj_export(filepath=str(whole), forward_axis="Y", up_axis="Z", export_materials=False,
-                                      export_triangulated_mesh=False, export_uv=False)
-            else:
-                bpy.ops.wm.usd_export(filepath=str(whole), export_materials=False, export_uvmaps=False,
-                                      export_lights=False, export_cameras=False)
-        system.replace(whole, path)
-    except (RuntimeError, AttributeError, OSError) as error:
-        raise IcyMoonError(f"Blender could not write the mesh as {suffix} ({first_line(error)}); take ply.") from None
-    finally:
-        for item in made:
-            mesh = item.data
-            bpy.data.objects.remove(item)
-            bpy.data.meshes.remove(mesh)
-        bpy.data.scenes.remove(scene)
+def refuse_too_many(counts: Sequence[tuple[int, int, int]], suffix: str) -> None:
+    """Raise IcyMoonError if a file without instances would have too many triangles; ``counts`` are places, vertices
+    and triangles of each mesh."""
+    if suffix not in _WITHOUT_INSTANCES:
+        return
+    places, vertices, triangles = (sum(column) for column in zip(*(
+        (place, place * own, place * those) for place, own, those in counts), strict=True))
+    if triangles <= MOST_TRIANGLES:
+        return
+    of_vertex, of_triangle = _WITHOUT_INSTANCES[suffix]
+    size = (vertices * of_vertex + triangles * of_triangle) / 1e9
+    raise IcyMoonError(f"The {places} meshes of the ground have {triangles / 1e6:.0f} million triangles, about "
+                       f"{size:.1f} GB as {suffix} and several times that in the memory of what reads it; export usd "
+                       "or gltf, where rocks of one shape share their triangles, or lower rocks.coverage.")

@@ -96,7 +96,7 @@ def _parser() -> argparse.ArgumentParser:
                          help="change the camera response that the pairs were rendered for")
     command.add_argument("--out", required=True, type=as_path, help="folder for the files")
     command.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy, that makes the "
-                         "ground for mitsuba, dem, ply, obj and usd (this Python)")
+                         "ground for mitsuba, dem, ply, obj, usd and gltf (this Python)")
     command.add_argument("--cell-m", type=float, metavar="METRES",
                          help="side of a cell of dem (a 1024th of the ground)")
     command.set_defaults(run=_run_export)
@@ -353,7 +353,7 @@ def _run_truth(parsed: argparse.Namespace) -> int:
 def _run_export(parsed: argparse.Namespace) -> int:
     if parsed.cell_m is not None and parsed.format != "dem":
         raise IcyMoonError("--cell-m is the size of cells of a map; give it with --format dem.")
-    if parsed.format in ("dem", "ply", "obj", "usd"):
+    if parsed.format in ("dem", "ply", "obj", "usd", "gltf"):
         return _export_ground(parsed)
     packages.require("numpy", "cv2", "OpenEXR", "rich")
     from .export.layouts import export

@@ -344,7 +344,7 @@ ALLOWED: dict[str, str] = {
     "operators/results.py": "bpy.data.images.load: pictures of our evaluation, in the user's folder",
     "operators/show_pair.py": "bpy.data.images.load: a picture that this process has just written to its own folder",
     "operators/user_render.py": "json.loads: ",
-    "physics/excavation/site.py": "json.loads: ",
+    "physics/excavation/site.py": "json.loads: keys of its cache, which it has written itself",
     "physics/light/spice.py": "furnsh: ",
     "physics/light/stars.py": "csv.DictReader, open: shipped with the program",
     "physics/surfaces/principled.py": "json.loads, read_text: shipped with the program",

@@ -1,9 +1,11 @@
-"""The exports ``dem``, ``ply``, ``obj`` and ``usd``: the ground of pairs as maps and as meshes, in the site's frame.
+"""The exports ``dem``, ``ply``, ``obj``, ``usd`` and ``gltf``: the ground of pairs as maps and meshes, in the site's
+frame.
 
 A pair contains no ground, so Blender builds it again from the settings of the pair. ``<out>/<pair>/`` gets
 
 * ``dem``: ``dem.tif``, ``dsm.tif`` and ``albedo.tif``, GeoTIFF, see ``render.ground_maps``;
-* ``ply``: ``terrain.ply``, ``rock.ply``; ``obj``, ``usd``: ``ground.obj``, ``ground.usd``, with z up;
+* ``ply``: ``terrain.ply``, ``rock.ply``; ``obj``, ``usd``: ``ground.obj``, ``ground.usd``, with z up; ``gltf``:
+  ``ground.glb``, with y up;
 * ``geometry.json``: frame, units, cells, and what the files lack; ``pairs`` lists the pairs that show this ground.
 
 Pairs that show the same are written once, in the folder of the first.
@@ -20,6 +22,7 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...file_shapes import TEXT, Each, read_record
 from ...files import write_json
+from ...physics.scene_requirements import surface_topics
 from ...render.pairs.pair_folder import Pair
 from ...render.plans.planned_pair import PlannedPair
 from ...render.workers.job import Job, blender_command
@@ -29,7 +32,7 @@ from ...settings import changes
 from ...typed_settings import Settings
 
 _GEOMETRY = "geometry.json"
-FORMATS = ("dem", "ply", "obj", "usd")
+FORMATS = ("dem", "ply", "obj", "usd", "gltf")
 Hear = Callable[[Message], None]
 
 
@@ -75,8 +78,11 @@ def read_geometry(folder: Path) -> dict[str, Any]:
 
 
 def _key(settings: Settings, kind: str) -> str:
-    """A text that is equal for pairs whose files are."""
-    return json.dumps([changes.scene(settings), changes.materials(settings) if kind == "dem" else None])
+    """A text that is equal for pairs whose files are: maps have albedo, and no lander."""
+    shown = kind == "dem" or any(settings[topic]["relief"] != "BUMP" and settings[topic]["grain_amplitude_m"] > 0
+                                 for topic in surface_topics(settings))
+    return json.dumps([changes.scene(settings), changes.materials(settings) if shown else None,
+                       changes.lander(settings) if kind != "dem" else None])
 
 
 def refuse_edited(pair: Pair) -> None:

@@ -102,7 +102,7 @@ def find_left_out(settings: Settings, shown: Sky) -> list[str]:
         surface = settings[topic]
         if surface["model"] not in ("LAMBERT", *_PLUGINS):
             found.append(f"{topic}.model {surface['model']} is exported as Lambert's law with the same albedo.")
-        if surface["grain_amplitude_m"]:
+        if surface["grain_amplitude_m"] and surface["relief"] != "DISPLACEMENT":
             found.append(f"{topic}.grain_amplitude_m: relief that the mesh does not have is left out.")
         if surface.get("ice_colour", "GREY") != "GREY":
             found.append(f"{topic}.ice_colour is left out: the ground is grey.")

@@ -1,11 +1,12 @@
-"""What Blender wrote about an exported ground is read back, or is one sentence."""
+"""What Blender wrote about an exported ground is read back, or is one sentence; and which pairs share its files."""
 
 from __future__ import annotations
 
 import pytest
 from hostile_arrays import NO_FILES, put
 from icymoon.errors import IcyMoonError
-from icymoon.stereo.export.ground import read_geometry
+from icymoon.settings.description import check, defaults, merged
+from icymoon.stereo.export.ground import FORMATS, _key, read_geometry
 
 DAMAGED = {"empty": b"", "list": b"[]", "without": b"{}", "number": b'{"left_out": 5}',
            "numbers": b'{"left_out": [5]}', "cut": b'{"left_out": ["rocks"', "deep": b'{"left_out": ' + b"[" * 50_000,
@@ -24,3 +25,19 @@ def test_anything_else_is_one_sentence(tmp_path, what):
     put(tmp_path / "geometry.json", DAMAGED.get(what, what))
     with pytest.raises(IcyMoonError, match=r"geometry\.json.*export the ground again\.$"):
         read_geometry(tmp_path)
+
+
+DISPLACED = {"surface": {"relief": "DISPLACEMENT", "grain_amplitude_m": 0.01}}
+BRIGHT, ROUGH = {"surface": {"albedo": 0.4}}, {"surface": {"grain_amplitude_m": 0.02}}
+LANDER = {"lander": {"kind": "PARAMETRIC"}}
+
+
+@pytest.mark.parametrize(("base", "change", "apart"), [
+    ({}, {"light": {"sun_elevation_deg": 9.0}}, ()),
+    ({"surface": {"relief": "BUMP"}}, BRIGHT, ("dem",)),
+    ({"surface": {"relief": "BUMP"}}, ROUGH, ("dem",)),
+    (DISPLACED, ROUGH, FORMATS),
+    ({"surface": {"relief": "BUMP"}}, LANDER, FORMATS[1:])], ids=str)
+def test_pairs_share_a_file_only_if_it_is_the_same(base, change, apart):
+    one, other = (merged(defaults(), *(check(part, "test") for part in parts)) for parts in ((base,), (base, change)))
+    assert tuple(kind for kind in FORMATS if _key(one, kind) != _key(other, kind)) == apart

@@ -1,0 +1,241 @@
+"""Meshes that stand in many places, and the files that are written of them: PLY, OBJ, USD and glTF.
+
+USD and glTF contain each mesh once, with a matrix for each of its places. PLY and OBJ have no instances, so there each
+place gets the triangles again; they are written one place after another, so that memory holds one at a time. Numbers
+have nine digits in text, which is all that single precision has.
+
+USD (https://openusd.org/release/glossary.html#usdglossary-instancing): the shapes are below a class, which is not
+drawn, and each place is an instanceable prim that references one. A point instancer is shorter, but its rotations are
+quaternions of half precision, wrong by 5e-4. glTF 2.0
+(https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html): nodes that share a mesh, in one binary file, below a node
+that turns z up to the y up of the format.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from ..errors import IcyMoonError
+from ..files import write_atomically
+from .ply import FACE, header_of
+
+#: Rows of text that are made at a time.
+_ROWS = 100_000
+#: Bytes of a binary glTF file at most, since its length is a number of 32 bits.
+_MOST_GLTF = 2**32 - 1
+#: From the axes of a site, z up, to those of glTF, y up; columns first, as glTF has it.
+_Y_UP = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+#: What glTF calls 32-bit floats and unsigned integers, and the two kinds of data of a mesh.
+_FLOAT, _UNSIGNED, _VERTICES, _INDICES = 5126, 5125, 34962, 34963
+
+
+@dataclass(frozen=True)
+class PlacedMesh:
+    """A mesh of one ``kind``, such as rock, and its places.
+
+    ``vertices`` and ``normals`` (n, 3) and ``triangles`` (m, 3) are in the mesh's own coordinates, and ``places``
+    (k, 4, 4) are the matrices from these to the site's frame, in metres.
+    """
+
+    kind: str
+    vertices: np.ndarray
+    normals: np.ndarray
+    triangles: np.ndarray
+    places: np.ndarray
+
+    def in_places(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Vertices, normals and triangles in the site's frame, for each of the places."""
+        for matrix in self.places:
+            turned = self.normals @ np.linalg.inv(matrix[:3, :3])  # rows times the inverse: normals by its transpose
+            turned = turned / np.maximum(np.linalg.norm(turned, axis=1, keepdims=True), 1e-12)
+            mirrored = np.linalg.det(matrix[:3, :3]) < 0
+            yield (self.vertices @ matrix[:3, :3].T + matrix[:3, 3], turned,
+                   self.triangles[:, ::-1] if mirrored else self.triangles)
+
+
+def by_kind(meshes: Iterable[PlacedMesh]) -> dict[str, list[PlacedMesh]]:
+    """Meshes by their kind, in their order."""
+    kinds: dict[str, list[PlacedMesh]] = {}
+    for mesh in meshes:
+        kinds.setdefault(mesh.kind, []).append(mesh)
+    return kinds
+
+
+def write_ply(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
+    """Write all places of meshes as one mesh, a binary PLY file in single precision with normals."""
+    vertices, triangles = (sum(len(mesh.places) * count for mesh, count in zip(meshes, counts, strict=True))
+                           for counts in ([len(mesh.vertices) for mesh in meshes],
+                                          [len(mesh.triangles) for mesh in meshes]))
+
+    def write(part: Path) -> None:
+        with part.open("wb") as stream:
+            stream.write(header_of(("x", "y", "z", "nx", "ny", "nz"), vertices, triangles, (comment,)))
+            for mesh in meshes:
+                for positions, normals, _ in mesh.in_places():
+                    stream.write(np.hstack([positions, normals]).astype("<f4").tobytes())
+            first = 0
+            for mesh in meshes:
+                for positions, _, corners in mesh.in_places():
+                    faces = np.empty(len(corners), FACE)
+                    faces["count"], faces["corners"] = 3, corners + first
+                    stream.write(faces.tobytes())
+                    first += len(positions)
+
+    write_atomically(path, write)
+
+
+def write_obj(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
+    """Write all places of meshes as an OBJ file with normals and an object for each kind."""
+    def write(part: Path) -> None:
+        with part.open("w", encoding="utf-8", newline="\n") as stream:
+            stream.write(f"# {comment}\n")
+            first = 1
+            for kind, own in by_kind(meshes).items():
+                stream.write(f"o {kind}\n")
+                for positions, normals, corners in itertools.chain.from_iterable(mesh.in_places() for mesh in own):
+                    _write_rows(stream, "v %.9g %.9g %.9g\n", positions.astype(np.float32))
+                    _write_rows(stream, "vn %.9g %.9g %.9g\n", normals.astype(np.float32))
+                    _write_rows(stream, "f %d//%d %d//%d %d//%d\n", np.repeat(corners + first, 2, axis=1))
+                    first += len(positions)
+
+    write_atomically(path, write)
+
+
+def _write_rows(stream: IO[str], row: str, values: np.ndarray) -> None:
+    """Write a text for each of the rows of numbers (n, k)."""
+    for start in range(0, len(values), _ROWS):
+        some = values[start:start + _ROWS]
+        stream.write((row * len(some)) % tuple(some.ravel().tolist()))
+
+
+def write_usd(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
+    """Write meshes as a USD file in text, z up, in metres, with an instance for each place of a mesh that has many."""
+    def write(part: Path) -> None:
+        with part.open("w", encoding="utf-8", newline="\n") as stream:
+            stream.write(f'#usda 1.0\n(\n    defaultPrim = "ground"\n    doc = {json.dumps(comment)}\n'
+                         '    metersPerUnit = 1\n    upAxis = "Z"\n)\n\n')
+            stream.write('class "shapes"\n{\n')
+            names = _names(meshes)
+            for name, mesh in zip(names, meshes, strict=True):
+                if len(mesh.places) > 1:
+                    stream.write(f'    def Xform "{name}"\n    {{\n')
+                    _write_usd_mesh(stream, "mesh", mesh)
+                    stream.write("    }\n")
+            stream.write('}\n\ndef Xform "ground"\n{\n')
+            at = dict(zip(map(id, meshes), names, strict=True))
+            for kind, own in by_kind(meshes).items():
+                stream.write(f'    def Xform "{_identifier(kind)}"\n    {{\n')
+                for mesh in own:
+                    name = at[id(mesh)]
+                    if len(mesh.places) == 1:
+                        _write_usd_mesh(stream, name, mesh, mesh.places[0])
+                        continue
+                    for number, matrix in enumerate(mesh.places):
+                        stream.write(f'        def "{name}_{number}" (\n            instanceable = true\n'
+                                     f'            prepend references = </shapes/{name}>\n        )\n        {{\n'
+                                     f"{_usd_matrix(matrix)}        }}\n")
+                stream.write("    }\n")
+            stream.write("}\n")
+
+    write_atomically(path, write)
+
+
+def _names(meshes: Sequence[PlacedMesh]) -> list[str]:
+    """Names of meshes, which differ."""
+    return [f"{_identifier(mesh.kind)}_{number}" for number, mesh in enumerate(meshes)]
+
+
+def _identifier(text: str) -> str:
+    return re.sub("[^A-Za-z0-9_]", "_", text)
+
+
+def _usd_matrix(matrix: np.ndarray) -> str:
+    """The transform of a prim. USD multiplies rows by matrices, so it has the transpose."""
+    rows = ", ".join("(" + ", ".join(f"{value:.17g}" for value in row) + ")" for row in matrix.T.tolist())
+    return (f"            matrix4d xformOp:transform = ( {rows} )\n"
+            '            uniform token[] xformOpOrder = ["xformOp:transform"]\n')
+
+
+def _write_usd_mesh(stream: IO[str], name: str, mesh: PlacedMesh, matrix: np.ndarray | None = None) -> None:
+    low, high = (", ".join(f"{value:.9g}" for value in ends.tolist())
+                 for ends in (mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)))
+    stream.write(f'        def Mesh "{name}"\n        {{\n            float3[] extent = [({low}), ({high})]\n')
+    for text, row, values in (("int[] faceVertexCounts", "%d, ", np.full((len(mesh.triangles), 1), 3)),
+                              ("int[] faceVertexIndices", "%d, %d, %d, ", mesh.triangles),
+                              ("point3f[] points", "(%.9g, %.9g, %.9g), ", mesh.vertices.astype(np.float32)),
+                              ("normal3f[] normals", "(%.9g, %.9g, %.9g), ", mesh.normals.astype(np.float32))):
+        stream.write(f"            {text} = [")
+        # Lists of USD may not end in a comma.
+        _write_rows(stream, row, values[:-1])
+        stream.write(row.rstrip(", ") % tuple(values[-1].tolist()))
+        stream.write("]" + (' (\n                interpolation = "vertex"\n            )' if "normals" in text else "")
+                     + "\n")
+    stream.write('            uniform token subdivisionScheme = "none"\n')
+    stream.write(_usd_matrix(matrix) if matrix is not None else "")
+    stream.write("        }\n")
+
+
+def write_gltf(path: Path, meshes: Sequence[PlacedMesh], comment: str) -> None:
+    """Write meshes as a binary glTF file, in metres, with a node for each place.
+
+    Raises IcyMoonError for more than 4 GB, which the format does not allow.
+    """
+    arrays = [array for mesh in meshes for array in (
+        np.ascontiguousarray(mesh.vertices, "<f4"), np.ascontiguousarray(mesh.normals, "<f4"),
+        np.ascontiguousarray(mesh.triangles, "<u4"))]
+    text = json.dumps(_gltf(meshes, arrays, comment), separators=(",", ":")).encode("ascii")
+    text += b" " * (-len(text) % 4)
+    size = sum(array.nbytes for array in arrays)
+    whole = 12 + 8 + len(text) + 8 + size
+    if whole > _MOST_GLTF:
+        raise IcyMoonError(f"The ground is {whole / 1e9:.1f} GB as glTF, which holds 4.3 GB; export usd, or make the "
+                           "ground coarser by a larger mesh.error_px.")
+
+    def write(part: Path) -> None:
+        with part.open("wb") as stream:
+            stream.write(b"glTF" + np.array([2, whole, len(text)], "<u4").tobytes() + b"JSON" + text)
+            stream.write(np.array([size], "<u4").tobytes() + b"BIN\0")
+            for array in arrays:
+                stream.write(array.data)
+
+    write_atomically(path, write)
+
+
+def _gltf(meshes: Sequence[PlacedMesh], arrays: Sequence[np.ndarray], comment: str) -> Mapping[str, Any]:
+    """The JSON of a glTF file whose data are ``arrays``: vertices, normals and triangles of each mesh."""
+    starts = np.cumsum([0, *(array.nbytes for array in arrays)]).tolist()
+    views = [{"buffer": 0, "byteOffset": start, "byteLength": array.nbytes,
+              "target": _INDICES if array.dtype.kind == "u" else _VERTICES}
+             for start, array in zip(starts, arrays, strict=False)]
+    accessors: list[dict[str, Any]] = []
+    for number, array in enumerate(arrays):
+        whole = array.dtype.kind == "u"
+        accessors.append({"bufferView": number, "componentType": _UNSIGNED if whole else _FLOAT,
+                          "count": array.size if whole else len(array), "type": "SCALAR" if whole else "VEC3"})
+        if number % 3 == 0:  # the format asks for the ends of positions
+            accessors[-1] |= {"min": array.min(axis=0).tolist(), "max": array.max(axis=0).tolist()}
+    shapes = [{"name": name, "primitives": [{"attributes": {"POSITION": 3 * k, "NORMAL": 3 * k + 1},
+                                             "indices": 3 * k + 2}]} for k, name in enumerate(_names(meshes))]
+    nodes: list[dict[str, Any]] = [{"name": "ground", "matrix": _Y_UP, "children": []}]
+    numbers = {id(mesh): k for k, mesh in enumerate(meshes)}
+    for kind, own in by_kind(meshes).items():
+        nodes[0]["children"].append(len(nodes))
+        count = sum(len(mesh.places) for mesh in own)
+        nodes.append({"name": kind, "children": list(range(len(nodes) + 1, len(nodes) + 1 + count))})
+        for mesh in own:
+            k = numbers[id(mesh)]
+            for place, matrix in enumerate(mesh.places):
+                named = {"name": f"{shapes[k]['name']}_{place}", "mesh": k}
+                nodes.append(named if np.array_equal(matrix, np.eye(4)) else
+                             named | {"matrix": matrix.T.ravel().tolist()})
+    return {"asset": {"version": "2.0", "generator": "Icy Moon", "extras": {"frame": comment}}, "scene": 0,
+            "scenes": [{"nodes": [0]}], "nodes": nodes, "meshes": shapes, "accessors": accessors, "bufferViews": views,
+            "buffers": [{"byteLength": starts[-1]}]}

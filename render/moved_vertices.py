@@ -1,0 +1,209 @@
+"""Where Cycles moves the vertices of a mesh by the displacement of its material, before it traces.
+
+Blender has no function for these places, but Cycles bakes positions to texels. They are baked twice: of the moved
+surface, and of the surface at rest, with the same material as shading only. The second place of a texel shows where
+within its triangle it is, and the difference of both is the shift there, which is linear within the triangle. As many
+texels as a facet has corners so determine the shifts of the corners, to a few units of single precision. (A bake at the
+vertices themselves is moved 1e-4 of the coordinates into the facets.)
+
+A mesh with instances is moved once, where the first of them stands, as Cycles does it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from ..errors import IcyMoonError
+from ..nodes.ground.terrain_mesh import build_mesh_from_arrays
+from ..physics.light import baked_texels
+from . import texel_bakes
+
+#: Facets whose texels are baked at a time: about 600 MB.
+_BAKED_FACETS = 2_000_000
+#: Facets whose shifts are solved at a time: about 300 MB.
+_SOLVED_FACETS = 250_000
+#: Smallest determinant of the weights of corners at texels that determine shifts: they have 0.25 for triangles and more
+#: than 0.1 for quadrilaterals, less only where the facet is too narrow for single precision.
+_LEAST_DETERMINANT = 0.05
+#: How much a narrow facet counts beside the others around a vertex: only where there is no other.
+_NARROW = 1e-6
+_NAME = "Icy Moon Moved"
+
+
+def is_moved(mesh: bpy.types.Mesh) -> bool:
+    """Whether a material of a mesh moves its vertices when it is rendered."""
+    return any(material is not None and material.displacement_method != "BUMP" and material.node_tree is not None
+               and any(node.bl_idname == "ShaderNodeOutputMaterial" and node.inputs["Displacement"].is_linked
+                       for node in material.node_tree.nodes)
+               for material in mesh.materials)
+
+
+@contextmanager
+def as_rendered(mesh: bpy.types.Mesh, place: np.ndarray, threads: int = 0) -> Iterator[bpy.types.Mesh]:
+    """A mesh of triangles like ``mesh``, with its vertices where Cycles moves them, while the context is open.
+
+    ``place`` (4, 4) is the matrix of the mesh's object, of the first instance if there are several; ``threads`` as in
+    ``quality.threads``. Raises IcyMoonError if Cycles cannot bake.
+    """
+    corners, groups = _group_corners(mesh)
+    shift = _find_shifts(mesh, place, groups, threads)
+    vertices = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", vertices)
+    moved = np.zeros((len(shift), 3))
+    moved[groups] = vertices.reshape(-1, 3)[corners]
+    moved += shift @ np.linalg.inv(place[:3, :3]).T
+    loops, polygons = _read_triangles(mesh)
+    flat = ~_read_smooth(mesh)[polygons]
+    made = build_mesh_from_arrays(_NAME, moved.astype(np.float32), groups[loops].astype(np.int32))
+    made.polygons.foreach_set("use_smooth", ~flat)
+    try:
+        yield made
+    finally:
+        bpy.data.meshes.remove(made)
+
+
+def _read_smooth(mesh: bpy.types.Mesh) -> np.ndarray:
+    smooth = np.empty(len(mesh.polygons), bool)
+    mesh.polygons.foreach_get("use_smooth", smooth)
+    return smooth
+
+
+def _read_triangles(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (n, 3) of the triangles that a mesh is rendered as, and the facet (n,) of each."""
+    mesh.calc_loop_triangles()
+    loops, facets = np.empty(3 * len(mesh.loop_triangles), np.int32), np.empty(len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get("loops", loops)
+    mesh.loop_triangles.foreach_get("polygon_index", facets)
+    return loops.reshape(-1, 3), facets
+
+
+def _group_corners(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Of each corner its vertex and the group, from 0, of corners that move together.
+
+    That is the vertex. Only where edges are sharp or the mesh has normals of its own, Cycles makes a vertex for each
+    normal, and moves them apart.
+    """
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("vertex_index", corners)
+    sharp = mesh.attributes.get("sharp_edge")
+    marks = np.zeros(len(sharp.data) if sharp is not None else 0, bool)
+    if sharp is not None:
+        sharp.data.foreach_get("value", marks)
+    if not marks.any() and not mesh.has_custom_normals:
+        return corners, np.unique(corners, return_inverse=True)[1].reshape(-1)
+    normals = np.empty(3 * len(mesh.loops), np.float32)
+    mesh.corner_normals.foreach_get("vector", normals)
+    rows = np.column_stack([corners.view(np.float32), normals.reshape(-1, 3) + np.float32(0)])  # no negative zeros
+    return corners, np.unique(rows.view(np.dtype((np.void, rows.itemsize * 4))), return_inverse=True)[1].reshape(-1)
+
+
+def _find_shifts(mesh: bpy.types.Mesh, place: np.ndarray, groups: np.ndarray, threads: int) -> np.ndarray:
+    """The shifts (groups, 3), in the world, of the corners of a mesh that move together."""
+    starts, counts, corners, areas = texel_bakes.read_facets(mesh)
+    vertices = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", vertices)
+    at_rest = vertices.reshape(-1, 3) @ place[:3, :3].T + place[:3, 3]
+    diagonals = _find_diagonals(mesh, starts)
+    many = int(groups.max()) + 1
+    total, weights = np.zeros((many, 3)), np.zeros(many)
+    for first in range(0, len(starts), _BAKED_FACETS):
+        wanted = np.zeros(len(starts), bool)
+        wanted[first:first + _BAKED_FACETS] = True
+        try:
+            found = baked_texels.lay_out(starts, counts, corners, areas, wanted)
+        except ValueError:
+            raise IcyMoonError("The ground has facets with more than four corners, whose displacement cannot be "
+                               "exported; set surface.relief to REAL or BUMP.") from None
+        still, moved = _bake(mesh, place, found, threads)
+        for sides, texels in zip((3, 4), found.texels, strict=True):
+            facets = np.flatnonzero((counts == sides) & wanted)
+            for some in np.array_split(np.arange(len(facets)), len(facets) // _SOLVED_FACETS + 1):
+                own = starts[facets[some], None] + np.arange(sides)
+                rest = still[texels[some], :3].astype(np.float64)
+                shifts, sure = solve(at_rest[corners[own]], rest, moved[texels[some], :3] - rest,
+                                     diagonals[facets[some]])
+                weight = np.broadcast_to(np.where(sure, 1.0, _NARROW)[:, None], own.shape).ravel()
+                weights += np.bincount(groups[own].ravel(), weight, many)
+                for axis in range(3):
+                    total[:, axis] += np.bincount(groups[own].ravel(), weight * shifts[..., axis].ravel(), many)
+    return np.asarray(total / np.where(weights > 0, weights, 1.0)[:, None])
+
+
+def _find_diagonals(mesh: bpy.types.Mesh, starts: np.ndarray) -> np.ndarray:
+    """Whether facets of four corners are rendered as triangles 0 1 3 and 1 2 3, not as 0 1 2 and 0 2 3."""
+    loops, facets = _read_triangles(mesh)
+    first = np.zeros(len(starts), np.int64)
+    first[facets[::-1]] = np.arange(len(facets))[::-1]
+    return np.asarray((loops[first] - starts[:, None] == 3).any(axis=1))
+
+
+def solve(corners: np.ndarray, rest: np.ndarray, shift: np.ndarray,
+          across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Shifts (n, k, 3) of the corners (n, k, 3) of facets with k = 3 or 4 corners, from places ``rest`` (n, k, 3) on
+    them, before they were moved, and the ``shift`` (n, k, 3) there; and whether (n,) the places determine them.
+
+    ``across`` (n,) is whether a facet of four corners has its diagonal from the second to the last.
+    """
+    count, sides = corners.shape[:2]
+    weights, least = np.zeros((count, sides, sides)), np.full((count, sides), -np.inf)
+    for straight, turned in (((0, 1, 2), (0, 1, 2)),) if sides == 3 else (((0, 1, 2), (0, 1, 3)),
+                                                                          ((0, 2, 3), (1, 2, 3))):
+        of = np.where(across[:, None], turned, straight)
+        own = _barycentric(np.take_along_axis(corners, of[..., None], axis=1), rest)
+        new = np.zeros_like(weights)
+        np.put_along_axis(new, np.broadcast_to(of[:, None], own.shape), own, axis=2)
+        nearer = own.min(axis=2) > least
+        least = np.where(nearer, own.min(axis=2), least)
+        weights = np.where(nearer[..., None], new, weights)
+    sure = np.linalg.det(weights) > _LEAST_DETERMINANT
+    weights[~sure] = np.eye(sides)
+    return np.linalg.solve(weights, shift), sure
+
+
+def _barycentric(triangles: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Barycentric coordinates (n, k, 3) of points (n, k, 3) near triangles (n, 3, 3); 0 for triangles without area."""
+    sides = triangles[:, 1:] - triangles[:, :1]
+    products = sides @ sides.swapaxes(1, 2)
+    along = (points - triangles[:, :1]) @ sides.swapaxes(1, 2)
+    area = products[:, 0, 0] * products[:, 1, 1] - products[:, 0, 1] ** 2
+    scale = 1.0 / np.where(area > 0, area, np.inf)[:, None]
+    second = (products[:, None, 1, 1] * along[..., 0] - products[:, None, 0, 1] * along[..., 1]) * scale
+    third = (products[:, None, 0, 0] * along[..., 1] - products[:, None, 0, 1] * along[..., 0]) * scale
+    return np.stack([1.0 - second - third, second, third], axis=-1)
+
+
+def _bake(mesh: bpy.types.Mesh, place: np.ndarray, found: baked_texels.Texels,
+          threads: int) -> tuple[np.ndarray, np.ndarray]:
+    """Positions at texels (n, 4) in the world, of a mesh at rest and of the moved one."""
+    baked = []
+    with ExitStack() as undo:
+        scene = bpy.data.scenes.new(_NAME)
+        undo.callback(bpy.data.scenes.remove, scene)
+        item = bpy.data.objects.new(_NAME, mesh)
+        undo.callback(bpy.data.objects.remove, item)
+        scene.collection.objects.link(item)
+        item.matrix_world = Matrix(place.tolist())
+        scene.render.engine, scene.cycles.device, scene.cycles.samples = "CYCLES", "CPU", 1
+        scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+        scene.render.threads_mode = "FIXED" if threads else "AUTO"
+        if threads:
+            scene.render.threads = threads
+        image = texel_bakes.add_target(mesh, found, undo)
+        materials = [material for material in mesh.materials if material is not None]
+        for material in materials:
+            texel_bakes.aim(material.node_tree, image, undo)
+            undo.callback(setattr, material, "displacement_method", material.displacement_method)
+        own = [material.displacement_method for material in materials]
+        for methods in (["BUMP"] * len(own), own):
+            for material, method in zip(materials, methods, strict=True):
+                material.displacement_method = method
+            if why := texel_bakes.run(scene, item, type="POSITION"):
+                raise IcyMoonError(f"Cycles could not bake where the fine relief moves the ground{why}; set "
+                                   "surface.relief to BUMP.")
+            baked.append(texel_bakes.read_texels(image))
+    return baked[0], baked[1]
