@@ -9,3 +9,11 @@ def show_rounded(value: float, digits: int = 2) -> str:
     The format ``.2g`` alone makes 1e+02 of 100.
     """
     return f"{float(f'{value:.{digits}g}'):,.10g}".replace(",", " ")
+
+
+def count_of(number: int, thing: str, things: str = "") -> str:
+    """A count and what is counted, as a reader expects it: 1 pair, 0 pairs, 12 pairs.
+
+    ``things`` is the plural where it is not ``thing`` and an s.
+    """
+    return f"{number} {thing if number == 1 else things or f'{thing}s'}"

@@ -14,6 +14,7 @@ from typing import Any
 
 from ..errors import IcyMoonError
 from ..files import remove_leftover_parts, shorten
+from ..number_text import count_of
 from ..render.cost.abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans import frozen_plan as datasets
@@ -267,7 +268,7 @@ def _run_slurm(options: argparse.Namespace) -> int:
         printer.warn(frozen.note)
     script = write_script(dataset, frozen, request, options.python, options.blender)
     printer.say(f"sbatch {shlex.quote(str(script))}" if script else
-                f"All {len(frozen.pairs)} pairs of {dataset} are there.")
+                f"Nothing to render: {count_of(len(frozen.pairs), 'pair')} in {dataset}.")
     return 0
 
 
@@ -281,10 +282,10 @@ def _run_verify(options: argparse.Namespace) -> int:
     if options.json:
         printer.emit("result", pairs=found.pairs, complete=found.complete, problems=len(found.problems))
     elif not found.problems:
-        printer.say(f"{found.complete} pairs, all whole and as planned.")
+        printer.say(f"{count_of(found.complete, 'pair')}, all whole and as planned.")
     if found.problems:
-        raise IcyMoonError(f"{options.dataset}: {len(found.problems)} things are wrong, {found.complete} of "
-                           f"{found.pairs} pairs are whole and as planned"
+        raise IcyMoonError(f"{options.dataset}: {count_of(len(found.problems), 'problem')}, {found.complete} of "
+                           f"{count_of(found.pairs, 'pair')} whole and as planned"
                            + ("; run icymoon batch to make the others." if options.remove else
                               "; icymoon verify --remove takes away what is broken, icymoon batch makes it again."))
     return 0

@@ -284,6 +284,7 @@ def _run_trade(options: argparse.Namespace) -> int:
 
 def _print_decided(report: dict[str, Any]) -> None:
     """Print how the decisions of each variant differ from the reference's, as a table; nothing if there are none."""
+    from ..stereo.matchers.methods import describe_method
     from ..stereo.report.table_columns import format_number
     from ..stereo.trade.report import DECISION_COLUMNS, SAME
 
@@ -292,7 +293,7 @@ def _print_decided(report: dict[str, Any]) -> None:
         return
     printer.print_table(
         ("Variant", "CPU (s)", "Matcher", "Decisions", *(column.title for column in DECISION_COLUMNS)),
-        [(row["name"], f"{row['cpu_s'] or 0.0:.1f}", method, SAME[found["same"]],
+        [(row["name"], f"{row['cpu_s'] or 0.0:.1f}", describe_method(method), SAME[found["same"]],
           *(format_number(found, column) for column in DECISION_COLUMNS))
          for row in sorted(rows, key=lambda row: row["cpu_s"] or 0.0) for method, found in row["decisions"].items()],
         "Decisions against those on the reference", left=(0, 2), narrowest=160)

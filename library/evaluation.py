@@ -12,6 +12,7 @@ from typing import Any, Unpack
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..number_text import count_of
 from ..settings.overrides import Overrides
 from .rendered_pair import RenderedPair, response_of
 
@@ -88,7 +89,8 @@ def evaluate(pairs: RenderedPair | str | Path | Iterable[RenderedPair | str | Pa
         report = evaluate_folders(folders, methods, Path(out).absolute(), response, jobs=jobs, predictions=predictions)
     rows = [dict(row) for row in report["rows"]]
     if failed := [row for row in rows if row["status"] == "failed"]:
-        raise IcyMoonError(f"{len(failed)} of {len(rows)} measurements failed, the first one: {failed[0]['error']}")
+        raise IcyMoonError(f"{len(failed)} of {count_of(len(rows), 'measurement')} failed, the first one: "
+                           f"{failed[0]['error']}")
     return Evaluation(Path(out).absolute(), _means(rows), rows, list(report["notes"]))
 
 

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from ..errors import IcyMoonError
 from ..files import write_atomically
 from ..formats.tiff_write import encode_tiff
+from ..number_text import count_of
 from ..physics.rocks.table import COLUMNS, TABLE, covered_share
 from ..render.pairs.our_files import INPUTS
 from ..settings.description import defaults
@@ -80,7 +81,8 @@ def sample_field(field: Field, x_m: np.ndarray, y_m: np.ndarray, what: str) -> n
         raise IcyMoonError(f"The array of {what} has the shape {values.shape}; give at least 2 x 2 values, north "
                            "first.")
     if not np.isfinite(values).all():
-        raise IcyMoonError(f"{np.count_nonzero(~np.isfinite(values))} values of {what} are not finite; fill them.")
+        raise IcyMoonError(f"The array of {what} has {count_of(np.count_nonzero(~np.isfinite(values)), 'value')} "
+                           "that no number stands for, such as NaN; fill them.")
     return values
 
 
@@ -125,7 +127,7 @@ def rocks_input(rocks: ArrayLike, size_m: float) -> tuple[Input, dict[str, dict[
     stated: dict[str, Any] = {"law": TABLE, "coverage": min(max(covered_share(table, size_m), 1e-6), 0.5)}
     if len(table) > defaults().rocks.most:
         stated["most"] = len(table)
-    return Input("rocks.file", "\n".join(lines).encode(), ".csv", f"{len(table)} own rocks"), {"rocks": stated}
+    return Input("rocks.file", "\n".join(lines).encode(), ".csv", count_of(len(table), "own rock")), {"rocks": stated}
 
 
 def albedo_input(field: Field, size_m: float, resolution: int) -> tuple[Input, dict[str, dict[str, Any]]]:

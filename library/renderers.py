@@ -13,6 +13,7 @@ from typing import Any, Protocol, Self
 
 from ..errors import IcyMoonError
 from ..files import write_text
+from ..number_text import count_of
 from ..render.workers.job import Job, blender_command
 from ..render.workers.process import Message, Process
 from ..scratch import make_scratch_folder
@@ -64,7 +65,7 @@ class Worker:
         self._jobs = 0
 
     def __repr__(self) -> str:
-        state = f"process {self._process.pid}, {self._jobs} renders" if self._process else "not started"
+        state = f"process {self._process.pid}, {count_of(self._jobs, 'render')}" if self._process else "not started"
         return f"<Worker {self.blender}: {state}>"
 
     def __enter__(self) -> Self:

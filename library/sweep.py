@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import IcyMoonError
+from ..number_text import count_of
 from .rendered_pair import RenderedPair
 from .renderers import Hear, Renderer, ignore
 from .scene import Scene
@@ -65,7 +66,7 @@ class Sweep:
 
     def __repr__(self) -> str:
         axes = " x ".join(f"{len(values)} {name}" for name, values in self._axes.items())
-        return f"<Sweep of {len(self)} pairs: {axes}, in {self.dataset}>"
+        return f"<Sweep of {count_of(len(self), 'pair')}: {axes}, in {self.dataset}>"
 
     def __iter__(self) -> Iterator[SweepPoint]:
         """The points in order, each rendered when its turn comes. Raises IcyMoonError that names the point."""

@@ -17,6 +17,7 @@ import numpy as np
 from .. import compat
 from ..errors import IcyMoonError
 from ..formats import ply
+from ..number_text import count_of
 from ..stereo.images.colours import ERROR, signed_colours
 from .datablocks.array_marks import read_property
 from .datablocks.fingerprint import TAG
@@ -106,7 +107,7 @@ def legend(scene: bpy.types.Scene) -> tuple[tuple[str, str], ...]:
     lines = shares("Depth error of the surface shown", counts,
                    {**KINDS, "missing": ("Missing, no point", "BLANK1")}, true)
     if counts.get("unknown"):
-        lines.append((f"No true depth, grey: {counts['unknown']} points", "BLANK1"))
+        lines.append((f"No true depth, grey: {count_of(counts['unknown'], 'point')}", "BLANK1"))
     return tuple(lines)
 
 

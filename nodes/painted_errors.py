@@ -14,6 +14,7 @@ import bpy
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..number_text import count_of
 from ..physics.camera.blur import blur_identity
 from ..physics.mesh.subdivide import halve_edges
 from ..render.pairs.pair_folder import Pair
@@ -79,7 +80,7 @@ def _differing(one: Mapping[str, Mapping[str, Any]], other: Mapping[str, Mapping
 
 
 def _differ(names: Sequence[str]) -> str:
-    more = f" and {len(names) - 1} more settings differ" if len(names) > 1 else " differs"
+    more = f" and {count_of(len(names) - 1, 'more setting')} differ" if len(names) > 1 else " differs"
     return f"{names[0]}{more}"
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..labels import TERRAIN_INSTANCE
+from ..number_text import count_of
 from ..physics import refused_scenes
 from ..physics.camera import blur
 from ..physics.camera.stereo_geometry import rounding_advice
@@ -168,16 +169,16 @@ def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float,
     ice = build_rock_material(settings, terrain.data)
     item = _tag(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
     remove_unused([], [ice])  # it has no users if there are no rocks
-    warnings = []
+    warnings, most = [], count_of(wanted.most, "rock")
     if rocks.smallest_m > (0.0 if wanted.law == TABLE else wanted.smallest_m):
-        warnings.append(f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {wanted.most} rocks; "
+        warnings.append(f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {most}; "
                         "raise rocks.most or rocks.smallest_m.")
     if wanted.law == TABLE and (lost := min(len(read_table(Path(wanted.file))), wanted.most) - len(rocks.diameter_m)):
-        warnings.append(f"{lost} rocks of {wanted.file} are left out, because they are off the ground or closer to the "
+        warnings.append(f"The scene lacks {count_of(lost, 'rock')} of {wanted.file}, off the ground or closer to the "
                         "site than rocks.clear_radius_m.")
     if view is not None and rocks.beyond_rad > view.smallest_rad:
         width_px = rocks.beyond_rad * focal_px(rig)
-        warnings.append(f"Beyond the patch rocks under {width_px:.2g} px are left out to keep to {wanted.most} rocks; "
+        warnings.append(f"Beyond the patch rocks under {width_px:.2g} px are left out to keep to {most}; "
                         "raise rocks.most, rocks.beyond_px or rocks.smallest_m.")
     return item, warnings, moved
 

@@ -6,6 +6,7 @@ import bpy
 
 from ..errors import IcyMoonError
 from ..formats.asset_library import uninstall
+from ..number_text import count_of
 from ..preferences import asset_folder, find_asset_libraries, has_assets
 from ..render.workers.job import blender_command
 from ..render.workers.process import Message, Process
@@ -48,8 +49,8 @@ class ICYMOON_OT_make_asset_library(jobs.JobOperator, bpy.types.Operator):
             library = context.preferences.filepaths.asset_libraries.new(name=_NAME, directory=str(asset_folder()))
             library.import_method = "APPEND"  # what is dropped can be edited; Blender 5 would pack it otherwise
         _show_in_browsers()
-        many = "s" * (self._assets != 1)
-        self.report({"INFO"}, f"Made {self._assets} asset{many}; choose the library {_NAME} in the Asset Browser")
+        made = count_of(self._assets, "asset")
+        self.report({"INFO"}, f"Made {made}; choose the library {_NAME} in the Asset Browser")
 
 
 class ICYMOON_OT_remove_asset_library(bpy.types.Operator):

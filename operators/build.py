@@ -12,6 +12,7 @@ from ..nodes import preview
 from ..nodes import scene as scenes
 from ..nodes.ground.user_ground import cost_warnings
 from ..nodes.measured_surface import find_points
+from ..number_text import count_of
 from ..typed_settings import Settings
 from . import first_picture, view_exposure, view_resolution
 from .coloured_views import hide_errors
@@ -179,8 +180,8 @@ def build_and_report(operator: bpy.types.Operator, context: bpy.types.Context, c
         else:
             look_through(views, built)
     mesh = built.terrain.data
-    operator.report({"INFO"}, f"Built {len(mesh.loops) - 2 * len(mesh.polygons)} ground triangles "
-                             f"and {built.rock_count} rocks")
+    operator.report({"INFO"}, f"Built {count_of(len(mesh.loops) - 2 * len(mesh.polygons), 'ground triangle')} "
+                             f"and {count_of(built.rock_count, 'rock')}")
     return {"FINISHED"}
 
 

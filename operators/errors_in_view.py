@@ -11,6 +11,7 @@ from .. import scene_properties
 from ..errors import IcyMoonError
 from ..nodes import measured_surface, painted_errors
 from ..nodes import scene as scenes
+from ..number_text import count_of
 from ..render.pairs.pair_folder import read_pair
 from ..settings import change_announcements
 from ..settings.table import TOPICS
@@ -46,7 +47,8 @@ class ICYMOON_OT_show_surface(ResultOperator, bpy.types.Operator):
             self.report({"ERROR"}, in_window(error))
             return {"CANCELLED"}
         show_colours(context, [item])
-        self.report({"INFO"}, show_controls(f"{len(item.data.polygons)} points measured by {describe_method(method)}"))
+        points = count_of(len(item.data.polygons), "point")
+        self.report({"INFO"}, show_controls(f"{points} measured by {describe_method(method)}"))
         return {"FINISHED"}
 
 

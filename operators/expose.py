@@ -8,6 +8,7 @@ from pathlib import Path
 import bpy
 
 from .. import scene_properties
+from ..number_text import count_of
 from ..preferences import find_evaluator_python
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
@@ -42,7 +43,8 @@ class ICYMOON_OT_expose(jobs.JobOperator, bpy.types.Operator):
             self._images = [Path(folder) / f"{eye}.png" for folder in message["folders"] for eye in ("left", "right")]
 
     def report_success(self, context: bpy.types.Context) -> None:
-        self.report({"INFO"}, show_controls(f"{len(self._images)} images in {self._images[0].parent.parent}"))
+        images = count_of(len(self._images), "image")
+        self.report({"INFO"}, show_controls(f"{images} in {self._images[0].parent.parent}"))
         results.show_images(context, self._images, open_window=True)
 
 

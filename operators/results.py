@@ -16,6 +16,7 @@ from .. import scene_properties
 from ..errors import IcyMoonError
 from ..file_shapes import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, read_record
 from ..files import explain_disk_errors
+from ..number_text import count_of
 from ..settings import description
 from ..settings.table import Setting, all_settings
 from ..stereo.matchers.methods import describe_method
@@ -190,7 +191,7 @@ def notes(scene: bpy.types.Scene) -> list[str]:
     subject = f"Of pair {', '.join(found.pairs[:1])}"
     if found.scope == "DATASET":
         count = max((row.get("pairs", 0) for row in found.summary), default=0)  # none of an older version
-        subject = "Of the data set" + (f", {count} pair{'s' * (count > 1)}" if count else "")
+        subject = "Of the data set" + (f", {count_of(count, 'pair')}" if count else "")
     more = f" and {len(found.pairs) - 1} more" if len(found.pairs) > 1 else ""
     sentences = [f"{subject}{more}, {found.made.replace('T', ' ')[:16]} UTC"]
     other = _differing(scene)

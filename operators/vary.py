@@ -17,6 +17,7 @@ from ..files import absolute_path, read_text, write_text
 from ..nodes import scene as scenes
 from ..nodes.datablocks.blend_file_paths import with_absolute_files
 from ..nodes.datablocks.fingerprint import added_objects
+from ..number_text import count_of
 from ..render.cost.estimate import duration_text, estimate_roughly, size_text
 from ..render.plans.frozen_plan import PLAN as FROZEN
 from ..render.plans.frozen_plan import read_frozen_plan
@@ -189,7 +190,8 @@ def title_of_varied(varied: VariedSetting) -> str:
     if setting.kind in ("bool", "choice"):
         labels = {choice[0]: choice[1] for choice in setting.choices}
         title = f"{label_of(varied.name)}: {', '.join(labels[v] for v in varied.values) if labels else 'off, on'}"
-        return title if len(title) <= _LIST_LINE else f"{label_of(varied.name)}: {len(varied.values)} values"
+        short = f"{label_of(varied.name)}: {count_of(len(varied.values), 'value')}"
+        return title if len(title) <= _LIST_LINE else short
     count = len(list_values(varied)) if varied.spacing != "RANDOM" else varied.count
     unit = unit_of(varied.name)
     return (f"{label_of(varied.name)}: {varied.first:.4g} to {varied.last:.4g}"
@@ -300,7 +302,7 @@ def why_not_a_plan(scene: bpy.types.Scene, thorough: bool = False) -> str:
         return ""
     names = [item.name for item in added_objects(collection)]
     if names:
-        more = f" and {len(names) - 1} more objects of yours" if len(names) > 1 else ""
+        more = f" and {count_of(len(names) - 1, 'more object')} of yours" if len(names) > 1 else ""
         return (f"The scene contains {names[0]}{more}, and a plan contains settings only, so its pairs would not show "
                 f"{'them' if more else 'it'}; move {'them' if more else 'it'} out of the collection "
                 f"{collection.name}.")

@@ -27,6 +27,7 @@ from ..nodes.light.sun_lamp import build_sky
 from ..nodes.rig import eye_poses, lens_values, turn_about_eye
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
+from ..number_text import count_of
 from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, blur_of
 from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
@@ -105,8 +106,8 @@ def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) ->
     left = count_bytes_left(pairs, dataset, again)
     needed = left + _ROOM_WHILE_WRITING * max(bytes_of(pair.settings) for pair in pairs) if left else 0.0
     if needed > free:
-        pairs_need = "1 pair may need" if len(pairs) == 1 else f"{len(pairs)} pairs may need"
-        raise IcyMoonError(f"{dataset} has {free / 1e6:.0f} MB free, {pairs_need} {needed / 1e6:.0f} MB more; "
+        raise IcyMoonError(f"{dataset} has {free / 1e6:.0f} MB free, {count_of(len(pairs), 'pair')} may need "
+                           f"{needed / 1e6:.0f} MB more; "
                            "free some space, choose another folder or render fewer pixels.")
 
 

@@ -10,6 +10,7 @@ from contextlib import nullcontext
 from typing import Any
 
 from ..errors import IcyMoonError
+from ..number_text import count_of
 from ..plugins.installed import Found, find
 from ..support import printer
 from ..terminal import Parser, as_path, run_verb, show_counted_progress, show_progress
@@ -327,10 +328,11 @@ def run_decide(parsed: argparse.Namespace) -> int:
 def _print_decisions(report: dict[str, Any]) -> None:
     """Print the summary of ``decide`` as a table, with what limits it."""
     from .decisions.report import DEM, OTHERS, SITES, format_cell
+    from .matchers.methods import describe_method
 
     columns = (*SITES[:6], DEM[1], DEM[3], DEM[4], *OTHERS[2:])
     printer.print_table(("Method", *(column.title for column in columns)),
-                        [(entry["method"], *(format_cell(entry, column) for column in columns))
+                        [(describe_method(entry["method"]), *(format_cell(entry, column) for column in columns))
                          for entry in report["summary"]], "Means over pairs", narrowest=160)
     for sentence in (*report["head"], *report["notes"]):
         printer.say(sentence)
@@ -441,6 +443,7 @@ def _print_summary(report: dict[str, Any]) -> None:
 
     The best rank is bold where the scenes allow it.
     """
+    from .matchers.methods import describe_method
     from .report.table_columns import (
         MEASURED,
         RANKING,
@@ -455,19 +458,21 @@ def _print_summary(report: dict[str, Any]) -> None:
 
     summary = report["summary"]
     pairs = max((entry["pairs"] for entry in summary), default=0)
-    means = f"Means over {pairs} pair{'' if pairs == 1 else 's'}"
+    means = f"Means over {count_of(pairs, 'pair')}"
     for title, ranking, columns in (
             (f"{means}, all pixels with a true depth", RANKING, (*TOTALS, SECONDS)),
             (f"{means}, only the pixels that each method measured", "common_l1_m", (TOTALS[0], *MEASURED))):
         printer.print_table(
             ("Method", "Rank" if ranking == RANKING else "Rank by L1", *(column.title for column in columns)),
-            [(entry["method"], (format_rank(entry, ranking), "bold" if is_best(entry, ranking, summary) else ""),
+            [(describe_method(entry["method"]),
+              (format_rank(entry, ranking), "bold" if is_best(entry, ranking, summary) else ""),
               *(format_result(entry, column) for column in columns)) for entry in summary], title, narrowest=120)
     if report["plug_ins"]:
         of_plugins = columns_of_plugins(report["plug_ins"])
         printer.print_table(("Method", *(column.title for column in of_plugins)),
-                            [(entry["method"], *(format_plugin(entry, column) for column in of_plugins))
-                             for entry in summary], f"{means}, metrics of plug-ins", narrowest=120)
+                            [(describe_method(entry["method"]),
+                              *(format_plugin(entry, column) for column in of_plugins)) for entry in summary],
+                            f"{means}, metrics of plug-ins", narrowest=120)
     if report["verdicts"]:
         printer.say(report["verdicts"])
     for note in report["notes"]:

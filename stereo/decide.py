@@ -43,7 +43,7 @@ from .decisions.workspace import (
 from .evaluate import digest_of, method_inputs
 from .images.image_files import write_bytes, write_png
 from .matchers import match
-from .matchers.methods import Method
+from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
 from .measure.prepare import Prepared
 from .measure.result_row import depth_of
@@ -160,7 +160,8 @@ def _rows_of(source: Source, run: _Run, log: RowLog) -> Iterator[Row]:
         except DiskError:
             raise
         except Exception as error:
-            row = _failed(source.name, label, key, describe_error(error, f"{source.folder} by {label}"))
+            where = f"{source.folder} by {describe_method(label)}"
+            row = _failed(source.name, label, key, describe_error(error, where))
         yield _logged(log, row)
 
 

@@ -24,7 +24,7 @@ from .artefacts import check_output_folder, files_exist, remove_leftovers
 from .datasets.predictions import PREDICTION, find_prediction, options_of, parse_predictions
 from .environment import packages
 from .matchers import files_of, release_of
-from .matchers.methods import Method
+from .matchers.methods import Method, describe_method
 from .matchers.resident_process import stop_residents
 from .measure.plug_in import metrics_of_plugins
 from .measure_pair import Run, Task, failed_row, measure_pair
@@ -216,7 +216,7 @@ class Evaluation:
     def _tell_progress(self, row: Row) -> None:
         self._done += 1
         self._tell({"type": "progress", "fraction": self._done / self._total, "done": self._done,
-                    "total": self._total, "message": f"{row['pair']} {row['method']}"})
+                    "total": self._total, "message": f"{row['pair']} {describe_method(row['method'])}"})
 
     def _tell_failure(self, message: str, **what: str) -> None:
         self._failed.append({**what, "message": message})

@@ -18,7 +18,7 @@ from .datasets.predictions import PREDICTION, options_of, read_prediction
 from .export.points import add_points, pose_of
 from .images.disparity_files import read_disparity
 from .matchers import match
-from .matchers.methods import Method
+from .matchers.methods import Method, describe_method
 from .matchers.search_range import AUTO, SearchRange, known_ranges
 from .measure.common_pixels import common_numbers
 from .measure.costs import COSTS
@@ -97,7 +97,7 @@ def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any
         except DiskError:
             raise
         except Exception as error:
-            why = describe_error(error, f"{prepared.pair.folder} by {label}")
+            why = describe_error(error, f"{prepared.pair.folder} by {describe_method(label)}")
             yield {"type": "failed", "pair": prepared.pair.name, "method": label, "message": why}
             yield _row_event(failed_row(task, method, why))
             continue

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import IcyMoonError, describe_error
 from ..files import write_json
 from ..labels import LIGHT_GROUPS
+from ..number_text import count_of
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ..render.pairs.pair_folder import EYES, find_pair_folders, read_unchanged_pair
 from ..settings.description import merged
@@ -63,7 +64,7 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
         on_event({"type": "progress", "fraction": (k + 1) / len(folders), "done": k + 1, "total": len(folders),
                   "message": folder.name})
     if failed:
-        raise IcyMoonError(f"{len(failed)} of {len(folders)} pairs failed, the first one: {failed[0]}")
+        raise IcyMoonError(f"{len(failed)} of {count_of(len(folders), 'pair')} failed, the first one: {failed[0]}")
     return done
 
 

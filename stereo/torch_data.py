@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..number_text import count_of
 from ..physics.random_numbers.seeds import generator
 from ..render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair
 from ..render.pairs.scene_splits import check_splits, scene_of, split_of, splits_of
@@ -53,8 +54,8 @@ class Dataset:
         self.pairs = [pair for pair in found
                       if split is None or split_of(scene_of(pair), shares[pair.folder.parent.parent]) == split]
         if not self.pairs:
-            raise IcyMoonError(f"None of the {len(found)} pairs is in the split {split}; give more scenes, or other "
-                               "splits.")
+            raise IcyMoonError(f"None of the {count_of(len(found), 'pair')} is in the split {split}; give more "
+                               "scenes, or other splits.")
         self._response = merged(*(load_preset(name) for name in presets))
         self._ranges = dict(augment or {})
         self._crop, self._seed, self._epoch = crop_px, seed, 0
@@ -74,7 +75,7 @@ class Dataset:
 
     def __repr__(self) -> str:
         scenes = len({scene_of(pair) for pair in self.pairs})
-        return f"<Dataset of {len(self)} pairs of {scenes} scenes>"
+        return f"<Dataset of {count_of(len(self), 'pair')} of {count_of(scenes, 'scene')}>"
 
     def __len__(self) -> int:
         return len(self.pairs)
@@ -89,7 +90,7 @@ class Dataset:
             import torch
         except ImportError:
             raise IcyMoonError("Training samples are tensors of PyTorch, which is not here; pip install "
-                               "icymoon[networks].") from None
+                               '"icymoon[networks]".') from None
 
         number = range(len(self.pairs))[number]
         found = self.arrays(number)

@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+import ast
+import re
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.number_text import show_rounded
+from icymoon.number_text import count_of, show_rounded
+from sources import IDS, SOURCES, tree_of
+
+#: Where a count of pairs, scenes or methods is two or more whenever it is printed.
+SEVERAL = {"commands/sources.py", "library/rendered_pair.py", "library/scene.py", "panels/error_table.py",
+           "render/plans/sweeps.py", "render/plans/vary_scene.py", "render/workers/verify.py",
+           "stereo/decisions/report.py", "stereo/report/notes.py", "stereo/report/rare_failures.py",
+           "stereo/report/verdict_text.py"}
 
 
 @pytest.mark.parametrize(("value", "text"), [
@@ -20,3 +30,21 @@ def test_it_is_the_number_within_half_of_its_second_digit(value):
     text = show_rounded(value)
     assert "e" not in text
     assert float(text.replace(" ", "")) == pytest.approx(value, rel=0.0501)
+
+
+@pytest.mark.parametrize(("number", "thing", "things", "text"), [
+    (1, "pair", "", "1 pair"), (0, "pair", "", "0 pairs"), (12, "pair", "", "12 pairs"),
+    (1, "vertex", "vertices", "1 vertex"), (2, "vertex", "vertices", "2 vertices"),
+    (1, "more pair", "", "1 more pair")])
+def test_one_is_singular(number, thing, things, text):
+    assert count_of(number, thing, things) == text
+
+
+def test_what_is_counted_is_singular_where_it_is_one():
+    """Every count of pairs, scenes and methods in a message is one of ``count_of``, unless it is two or more."""
+    plural = re.compile(r" (?:more )?(?:pairs|scenes|methods)\b")
+    bare = {name for name, path in zip(IDS, SOURCES, strict=True) for node in ast.walk(tree_of(path))
+            if isinstance(node, ast.JoinedStr) for part, after in zip(node.values, node.values[1:], strict=False)
+            if isinstance(part, ast.FormattedValue) and isinstance(after, ast.Constant)
+            and plural.match(str(after.value))}
+    assert bare == SEVERAL

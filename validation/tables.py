@@ -6,6 +6,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 
+from ..number_text import count_of
 from .comparison import AGREES, EXPLAINED, LIKELY, OFF, Comparison, Result, Row
 
 _HEADS = ("quantity", "here", "held against", "allowed", "off by", "verdict", "source")
@@ -33,7 +34,7 @@ def summary(result: Result) -> str:
     if result.error:
         return f"{result.comparison.title}: not made. {result.error}"
     counted = [row.verdict for row in result.rows]
-    parts = ["1 number" if len(counted) == 1 else f"{len(counted)} numbers"]
+    parts = [count_of(len(counted), "number")]
     if explained := counted.count(EXPLAINED):
         parts.append(f"{explained} off with a known cause")
     if likely := counted.count(LIKELY):

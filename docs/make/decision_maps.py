@@ -16,6 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from icymoon.stereo.images.image_files import encoded, read_png
+from icymoon.stereo.matchers.methods import describe_method
 
 SIDE_PX, GAP_PX, STRIP_PX = 300, 12, 26
 #: Of screens, for the linear values of the sensor.
@@ -51,7 +52,8 @@ def main(arguments: Sequence[str]) -> None:
         columns, kind = [left_column(folder, title) for folder, title in zip(folders, ("before", "after"),
                                                                              strict=True)], "change"
     columns += [column(read_png(folders[-1] / f"{method}_{kind}.png"),
-                       f"change by {method}".replace("_", " ") if kind == "change" else method) for method in methods]
+                       f"change by {title}" if kind == "change" else title)
+                for method in methods for title in [describe_method(method.replace("_", " "))]]
     gap = np.full((SIDE_PX + STRIP_PX, GAP_PX, 3), 255, np.uint8)
     parts = [part for each in columns for part in (each, gap)][:-1]
     Path(target).write_bytes(encoded(np.hstack(parts), ".jpg", 88))

@@ -15,6 +15,7 @@ from ... import compat
 from ...errors import IcyMoonError
 from ...formats import mesh_file, mesh_images
 from ...formats.geotiff import Site
+from ...number_text import count_of
 from ...paper_stand_ins.cached_files import find_mesh_file
 from ...physics.mesh import check, height_map, subdivide, texture_coordinates
 from ...physics.mesh.height_map import HeightMap
@@ -176,8 +177,8 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     if before.area_m2 <= 0.0 or before.degenerate_faces == before.triangles:
         raise IcyMoonError(f"{path}: none of its {before.triangles} faces has an area; export the mesh again.")
     if before.non_finite_vertices and not source.repair:
-        raise IcyMoonError(f"{path}: {before.non_finite_vertices} vertices are not finite; set source.repair or fix "
-                           "the mesh.")
+        raise IcyMoonError(f"{path}: has {count_of(before.non_finite_vertices, 'vertex', 'vertices')} without finite "
+                           "coordinates; set source.repair or fix the mesh.")
     report = [f"{kind}, {axis} up, {source.scale:g} m per unit", *before.lines()]
     if source.repair:
         positions, faces, uv = check.repair(positions, faces, uv)

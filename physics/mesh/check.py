@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...number_text import count_of
+
 _AXES = "XYZ"
 
 
@@ -41,17 +43,19 @@ class MeshReport:
     def lines(self) -> list[str]:
         """The report as lines of text, without what is in order."""
         size = " x ".join(f"{e:.4g}" for e in self.extents_m)
-        counted = ((self.non_finite_vertices, "vertices that are not numbers"),
-                   (self.duplicate_vertices, "duplicate vertices"), (self.duplicate_faces, "duplicate faces"),
-                   (self.degenerate_faces, "faces without area"),
-                   (max(self.boundary_loops - 1, 0), f"holes beside the outer rim ({self.boundary_edges} open edges)"),
-                   (self.non_manifold_edges, "edges shared by more than two faces"),
-                   (self.inconsistent_edges, "edges between a face and a flipped one"),
-                   (max(self.parts - 1, 0), "loose parts beside the largest"))
-        found = [f"{n} {what}" for n, what in counted if n]
+        rim = f" beside the outer rim ({count_of(self.boundary_edges, 'open edge')})"
+        counted = ((self.non_finite_vertices, ("vertex", "vertices"), " without finite coordinates"),
+                   (self.duplicate_vertices, ("duplicate vertex", "duplicate vertices"), ""),
+                   (self.duplicate_faces, ("duplicate face",), ""), (self.degenerate_faces, ("face",), " without area"),
+                   (max(self.boundary_loops - 1, 0), ("hole",), rim),
+                   (self.non_manifold_edges, ("edge",), " shared by more than two faces"),
+                   (self.inconsistent_edges, ("edge",), " between a face and a flipped one"),
+                   (max(self.parts - 1, 0), ("loose part",), " beside the largest"))
+        found = [count_of(n, *noun) + rest for n, noun, rest in counted if n]
         if self.facing_down > 0.001:
             found.append(f"{self.facing_down:.1%} of the area faces down")
-        return [f"{self.vertices} vertices, {self.triangles} triangles, {size} m, {self.area_m2:.4g} m²", *found]
+        return [f"{count_of(self.vertices, 'vertex', 'vertices')}, {count_of(self.triangles, 'triangle')}, {size} m, "
+                f"{self.area_m2:.4g} m²", *found]
 
 
 def face_normals(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from ...errors import IcyMoonError
+from ...number_text import count_of
 from ...physics.scene_requirements import surface_topics
 from ...typed_settings import QualitySettings, Settings
 from ..workers.job import blender_command
@@ -86,7 +87,7 @@ def find_lack(wanted: Iterable[Settings], blender: str) -> str:
     if not found or count == 1:
         return "".join(found)
     what, fix = found[0].rstrip(".").split("; ", 1)
-    return f"{what}, which {len(found)} of {count} pairs need; {fix}."
+    return f"{what}, which {len(found)} of {count_of(count, 'pair')} need; {fix}."
 
 
 def check_abilities(wanted: Iterable[Settings], blender: str) -> None:

@@ -16,6 +16,7 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...formats import mesh_file
+from ...number_text import count_of
 from ...paper_stand_ins.items import mesh_item
 from ...physics.mesh.grading import grade
 from ...physics.scene_requirements import (
@@ -220,15 +221,14 @@ class Estimate:
         """The estimate in words, a line each."""
         left = self.left_s / self.processors
         low, high = left / self.factor, left * self.factor
-        basis = (f"corrected by {self.measured} rendered pair{'s' * (self.measured != 1)}" if self.measured
+        basis = (f"corrected by {count_of(self.measured, 'rendered pair')}" if self.measured
                  else f"from {self.basis}")
         there = f", {self.there} of them there already" if self.there else ""
-        lines = [f"{self.pairs} pairs{there}",
-                f"{self.geometries} ground{'s' * (self.geometries != 1)}, {self.surfaces} surface"
-                f"{'s' * (self.surfaces != 1)}, {self.lights} light{'s' * (self.lights != 1)}; {self.scenes} scene"
-                f"{'s' * (self.scenes != 1)} to build"]
+        lines = [f"{count_of(self.pairs, 'pair')}{there}",
+                f"{count_of(self.geometries, 'ground')}, {count_of(self.surfaces, 'surface')}, "
+                f"{count_of(self.lights, 'light')}; {count_of(self.scenes, 'scene')} to build"]
         if self.there < self.pairs:
-            lines += [f"{duration_text(left)} on {self.processors} processors ({duration_text(low)} to "
+            lines += [f"{duration_text(left)} on {count_of(self.processors, 'processor')} ({duration_text(low)} to "
                       f"{duration_text(high)}; {basis})", f"{size_text(self.left_bytes)} on the disk"]
         return lines
 

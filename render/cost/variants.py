@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...errors import IcyMoonError
+from ...number_text import count_of
 from ...physics.light.sky import sky
 from ...physics.scene_requirements import (
     follows_walk,
@@ -136,10 +137,10 @@ def _variants_of(group: str, settings: Settings) -> list[Variant]:
         return Variant(group, name, merged(settings, part))
 
     if group == "samples":
-        return [variant(f"{_counted(n, 'sample')}{text}", {"quality": {"samples": n, "denoiser": denoiser, **_TRACED}})
+        return [variant(f"{count_of(n, 'sample')}{text}", {"quality": {"samples": n, "denoiser": denoiser, **_TRACED}})
                 for denoiser, text in _DENOISERS.items() for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
     if group == "bounces":
-        return [variant(_counted(n, "bounce"), {"quality": {"diffuse_bounces": n, **_TRACED}}) for n in _BOUNCES]
+        return [variant(count_of(n, "bounce"), {"quality": {"diffuse_bounces": n, **_TRACED}}) for n in _BOUNCES]
     if group == "threshold":
         most = _THRESHOLD_ROOM * samples
         return [variant(f"until {limit:g}", {"quality": {"noise_threshold": limit, "samples": most, **_TRACED}})
@@ -184,7 +185,7 @@ def baked_settings(settings: Settings, area: str = "GROUND") -> dict[str, Settin
     """The ways to bake the light of a scene to a ``quality.bake_area``, by name; none if it cannot be baked."""
     where = "baked where seen" if area == "VIEW" else "baked"
     return {} if why_not_baked(settings) else {
-        f"{where} by {_counted(most, 'sample')}, {_counted(n, 'direct sample')}": merged(settings, {"quality": {
+        f"{where} by {count_of(most, 'sample')}, {count_of(n, 'direct sample')}": merged(settings, {"quality": {
             "indirect": "BAKED", "bake_area": area, "bake_samples": most, "bake_noise": 0.0, "direct_samples": n}})
         for most in _BAKE_SAMPLES for n in _DIRECT_SAMPLES}
 
@@ -258,7 +259,7 @@ def candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> l
     ``images`` are those of a ground under one Sun, which share what it takes to bake its light; for one image alone it
     is baked only where it is seen.
     """
-    found = [Variant("auto", f"{_counted(n, 'sample')}{text}", merged(settings, {"quality": {
+    found = [Variant("auto", f"{count_of(n, 'sample')}{text}", merged(settings, {"quality": {
         "samples": n, "denoiser": denoiser, "noise_threshold": 0.0, **_TRACED}}))
         for denoiser, text in _DENOISERS.items() if denoiser != "OIDN_COLOUR"
         for n in SAMPLES if denoiser == "NONE" or n <= _MOST_DENOISED]
@@ -272,10 +273,6 @@ def _seconds(settings: Settings, images: int) -> float:
     """Processor seconds of an image, with its share of what is baked."""
     bake = bake_seconds(settings) / images_per_bake(settings, images) if is_baked(settings) else 0.0
     return work_of(settings).seconds(0.0) + bake
-
-
-def _counted(number: int, what: str) -> str:
-    return f"{number} {what}{'s' * (number != 1)}"
 
 
 def _has_graded_mesh(settings: Settings) -> bool:

@@ -15,6 +15,7 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...file_shapes import COUNT, TABLE, TEXT, Each, check_record
 from ...files import explain_disk_errors, read_text, write_text
+from ...number_text import count_of
 from ...settings.description import asking_to_update, changed, check, merged, restored
 from ...settings.pair_ids import counts, value_in_id
 from ...settings.table import all_settings
@@ -71,10 +72,10 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
                                        f"other pairs of the same plan: {_describe_difference(lacking[0], pairs)}. "
                                        "To render those, choose another folder.")
         if lacking:
-            raise IcyMoonError(f"{dataset} contains another data set: {len(lacking)} of its {len(known.pairs)} pairs "
-                               f"are not in this plan: {_describe_difference(lacking[0], pairs)}. To continue that "
-                               "data set, use icymoon work. For this plan choose another folder, or let it extend "
-                               "that plan.")
+            raise IcyMoonError(f"{dataset} contains another data set: this plan lacks {len(lacking)} of its "
+                               f"{count_of(len(known.pairs), 'pair')}: {_describe_difference(lacking[0], pairs)}. "
+                               "To continue that data set, use icymoon work. For this plan choose another folder, or "
+                               "let it extend that plan.")
         if [p.id for p in known.pairs] == [p.id for p in pairs] and known.text == text:
             return known
     base = pairs[0].settings
@@ -99,7 +100,7 @@ def _describe_difference(pair: PlannedPair, pairs: Sequence[PlannedPair]) -> str
     texts = [f"{topic}.{key} was {pair.settings[topic][key]!r} and is {nearest.settings[topic][key]!r}"
             for topic, key in found[:_MOST_NAMED]]
     if len(found) > _MOST_NAMED:
-        texts.append(f"{len(found) - _MOST_NAMED} more settings")
+        texts.append(count_of(len(found) - _MOST_NAMED, "more setting"))
     return f"for pair {pair.id} {', '.join(texts) or 'a file of yours has another content'}"
 
 
@@ -121,8 +122,8 @@ def read_frozen_plan(dataset: Path) -> FrozenPlan:
     base = restored(header["settings"], str(path), header["icymoon"])
     with asking_to_update(str(path), header["icymoon"]):
         pairs = tuple(_parse_pair(line, base, path) for line in lines)
-    if len({pair.id for pair in pairs}) != header["pairs"]:
-        raise IcyMoonError(f"{path} contains {len({pair.id for pair in pairs})} of {header['pairs']} pairs; {_FIX}.")
+    if (there := len({pair.id for pair in pairs})) != header["pairs"]:
+        raise IcyMoonError(f"{path} contains {there} of {count_of(header['pairs'], 'pair')}; {_FIX}.")
     return FrozenPlan(pairs, header["plan"], header["icymoon"])
 
 

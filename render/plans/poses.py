@@ -13,6 +13,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...formats.toml_lines import Place
+from ...number_text import count_of
 from ...physics.light.directions import toward
 from ...physics.refused_scenes import LOWEST_M
 from ...physics.terrain.sites import RockyGround
@@ -107,8 +108,8 @@ def _make_sites(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]
     found = ground(base).choose_places(count, clearance, margin, apart, axis_generator(sweep, "place", seed))
     if len(found) < count:
         raise IcyMoonError(f"{sweep.place}: the {base.terrain.size_m:g} m patch has room for {len(found)} of "
-                           f"{count} sites {clearance:g} m clear of rocks, {margin:g} m from its edge and {apart:g} m "
-                           "apart; lower count, clearance_m, margin_m, apart_m or rocks.coverage.")
+                           f"{count_of(count, 'site')} {clearance:g} m clear of rocks, {margin:g} m from its edge "
+                           f"and {apart:g} m apart; lower count, clearance_m, margin_m, apart_m or rocks.coverage.")
     headings = axis_generator(sweep, "heading", seed).uniform(-180.0, 180.0, count)
     more: list[dict[str, float]] = [{"heading_deg": h} if turned else {} for h in headings.tolist()]
     return [_rig_variation(sweep, x_m=x, y_m=y, **extra) for (x, y), extra in zip(found.tolist(), more, strict=True)]

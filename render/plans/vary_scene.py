@@ -16,6 +16,7 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...files import shorten
 from ...formats.toml_lines import Place
+from ...number_text import count_of
 from ...settings.description import check, merged
 from ...settings.table import TOPICS, Setting, all_settings
 from ...settings.toml_text import to_toml, toml_value
@@ -159,7 +160,7 @@ def check_varied(varied: VariedSetting) -> Setting:
     if varied.first == varied.last:
         raise IcyMoonError(f"{WHERE}: {name} goes from {varied.first:g} to {varied.last:g}; give two different ends.")
     if not 2 <= varied.count <= MOST_PAIRS:
-        raise IcyMoonError(f"{WHERE}: {name} has {varied.count} values; give 2 to {MOST_PAIRS}.")
+        raise IcyMoonError(f"{WHERE}: {name} has {count_of(varied.count, 'value')}; give 2 to {MOST_PAIRS}.")
     if varied.spacing == "RATIO" and min(varied.first, varied.last) <= 0:
         raise IcyMoonError(f"{WHERE}: {name} goes from {varied.first:g} to {varied.last:g}; even ratios need two ends "
                            "above 0.")
@@ -187,7 +188,7 @@ def _make_factors(settings: Settings, variations: SceneVariations) -> list[_Fact
     if variations.combine == "SOBOL":
         what = label_of(names[0]) if len(varied) == 1 else f"{len(varied)} settings"
         table = _sweep_table("sobol", "draws", {each.name: _law(each) for each in varied}, count=variations.draws)
-        return [_Factor(table, variations.draws, f"{variations.draws} draws of {what}")]
+        return [_Factor(table, variations.draws, f"{count_of(variations.draws, 'draw')} of {what}")]
     if variations.combine == "ONE_AT_A_TIME":
         return [_make_one_at_a_time(settings, varied)]
     return [_make_grid_factor(each) for each in varied]
@@ -196,10 +197,10 @@ def _make_factors(settings: Settings, variations: SceneVariations) -> list[_Fact
 def _make_grid_factor(varied: VariedSetting) -> _Factor:
     if _is_drawn(varied):
         table = _sweep_table("random", varied.name, {varied.name: _law(varied)}, count=varied.count)
-        return _Factor(table, varied.count, f"{varied.count} random values of {label_of(varied.name)}")
+        return _Factor(table, varied.count, f"{count_of(varied.count, 'random value')} of {label_of(varied.name)}")
     values = list_values(varied)
     return _Factor(_sweep_table("grid", varied.name, {varied.name: values}), len(values),
-                   f"{len(values)} values of {label_of(varied.name)}")
+                   f"{count_of(len(values), 'value')} of {label_of(varied.name)}")
 
 
 def _make_one_at_a_time(settings: Settings, varied: Sequence[VariedSetting]) -> _Factor:
@@ -212,7 +213,7 @@ def _make_one_at_a_time(settings: Settings, varied: Sequence[VariedSetting]) -> 
     others = sum(value != settings[topic][key] for name, values in listed.items()
                  for topic, _, key in [name.partition(".")] for value in values)
     return _Factor(_sweep_table("one_at_a_time", "one at a time", listed), 1 + others,
-                   f"{1 + others} scenes, one setting at a time")
+                   f"{count_of(1 + others, 'scene')}, one setting at a time")
 
 
 def _is_drawn(varied: VariedSetting) -> bool:
@@ -308,7 +309,7 @@ def describe(settings: Settings, variations: SceneVariations) -> str:
     parts = [factor.text for factor in _make_factors(settings, variations)]
     parts += [f"{variations.seeds} seeds"] if variations.seeds > 1 else []
     parts += [f"{headings} headings"] if headings > 1 else []
-    total = f"{pairs} pair{'s' * (pairs != 1)}"
+    total = count_of(pairs, "pair")
     return f"{' x '.join(parts)} = {total}" if parts else total
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
+from ...number_text import count_of
 from ..pairs.pair_folder import is_complete
 from ..plans import frozen_plan as datasets
 from ..plans.order import cut_into_jobs
@@ -36,7 +37,7 @@ def connect(address: str) -> Iterator[Any]:
     try:
         import distributed
     except ImportError:
-        raise IcyMoonError("--dask needs Dask's scheduler; install it with: pip install icymoon[scale]") from None
+        raise IcyMoonError('--dask needs Dask\'s scheduler; install it with: pip install "icymoon[scale]"') from None
     kind, _, number = address.partition(":")
     if kind == "local":
         if not re.fullmatch(r"[0-9]{1,6}", number) or int(number) == 0:
@@ -76,7 +77,7 @@ def render_on_cluster(address: str, dataset: Path, pairs: Sequence[PlannedPair],
                         send("pair", id=pair.id, folder=str(pair.folder(dataset)), rendered=True, done=len(there),
                              total=len(pairs), seconds=_read_seconds(pair.folder(dataset)))
                 send("progress", fraction=len(there) / max(1, len(pairs)), done=len(there), total=len(pairs),
-                     message=f"{len(there)} of {len(pairs)} pairs on {slots} workers")
+                     message=f"{len(there)} of {count_of(len(pairs), 'pair')} on {count_of(slots, 'worker')}")
                 if ended:
                     break
                 time.sleep(_POLL_S)

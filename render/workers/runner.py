@@ -16,6 +16,7 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...file_shapes import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
+from ...number_text import count_of
 from ..pairs.baked_file import LIGHT
 from ..pairs.our_files import check_no_link
 from ..pairs.pair_folder import is_complete, update_response
@@ -269,9 +270,9 @@ class Runner:
         """Report the progress, and the pairs that it is ``waiting`` for."""
         total = max(1, len(self._pairs))
         fraction = (len(self._complete) + sum(w.fraction for w in self._running if w.current)) / total
-        text = f"{len(self._complete)} of {len(self._pairs)} pairs"
+        text = f"{len(self._complete)} of {count_of(len(self._pairs), 'pair')}"
         if waiting:
             holder = self._claims.describe_holder(waiting[0].id)
-            text += f"; {len(waiting)} are rendered by others, such as {waiting[0].id} by {holder}"
+            text += f"; others render {len(waiting)}, such as {waiting[0].id} by {holder}"
         self._send("progress", fraction=round(min(1.0, fraction), 6), done=len(self._complete), total=len(self._pairs),
                    message=text)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ..matchers import complete_options
-from ..matchers.methods import Method
+from ..matchers.methods import Method, describe_method
 from ..measure.costs import COSTS
 from ..measure.metrics import usable
 from ..measure.prepare import Prepared
@@ -36,7 +36,7 @@ def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequenc
         if not (equals and folder and _NAME.fullmatch(name)):
             raise IcyMoonError(f"--predictions {text}: write it as NAME=FOLDER, as in mynet=results/mynet; a name "
                                "begins with a letter or digit.")
-        if name in (*taken, *(method.label for method in found)):
+        if describe_method(name) in map(describe_method, (*taken, *(method.label for method in found))):
             raise IcyMoonError(f"--predictions {text}: there is already a method {name}; choose another name.")
         root = Path(folder).expanduser().absolute()
         if not any(_find(root, pair) for pair in pairs):

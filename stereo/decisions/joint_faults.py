@@ -13,6 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from ...number_text import count_of
+from ..matchers.methods import describe_method
+
 #: Fewest pairs without a fault of which a limit is stated.
 FEWEST_SOUND = 6
 #: The 95 % quantile of Student's t by its degrees of freedom; between two the lower number, which is the safer one.
@@ -61,7 +64,8 @@ def _find_by_method(label: str, names: Sequence[str], own: Mapping[str, Any], jo
                       "sound": len(scores),
                       "false_alarms": float((scores > limit).mean()) if limit is not None else None,
                       "note": "" if limit is not None else
-                      f"By {label} it cannot be given which fault is noticed: {len(scores)} pairs without a fault, at "
+                      f"By {describe_method(label)} it cannot be given which fault is noticed: "
+                      f"{count_of(len(scores), 'pair')} without a fault, at "
                       f"the commanded angles of those with one, show the scoop, and it takes {FEWEST_SOUND}; add some "
                       "with other noise, as datasets/arm_faults has."})
     return found

@@ -13,8 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from ...number_text import count_of
 from ...settings.table import TOPICS
 from ..images.image_files import write_png
+from ..matchers.methods import describe_method
 from .change import FEWEST_NULLS, Change, Noise, detect, find_noise, measure_change, region_cells
 from .dem import Grid, read_cells
 from .pictures import change_picture
@@ -72,13 +74,13 @@ def find_progress(rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Seque
 def _progress(states: Sequence[_Entry], label: str, rows: Sequence[_Entry], dug: Sequence[_Entry], out: Path,
               disc_m: float) -> dict[str, Any]:
     own = {row["pair"]: row for row in rows if row["method"] == label and row["status"] == "ok"}
-    first, steps, notes = states[0], [], []
+    first, name, steps, notes = states[0], describe_method(label), [], []
     for state in filter(_is_dug, states[1:]):
         step = _step(first, state, own, out, disc_m)
         steps.append(step)
-        notes += [f"By {label} there is no volume of state {step['state']}: {step['missing']}."] * bool(step["missing"])
+        notes += [f"By {name} there is no volume of state {step['state']}: {step['missing']}."] * bool(step["missing"])
     noise, why = _noise(states, dug, own, out)
-    notes += [f"By {label} the smallest volume noticed cannot be given: {why}."] * bool(why)
+    notes += [f"By {name} the smallest volume noticed cannot be given: {why}."] * bool(why)
     return {"pair": first["pair"], "method": label, "steps": steps, "notes": notes,
             "bias_m3": noise and noise.bias_m3, "sigma_m3": noise and noise.sigma_m3,
             "smallest_m3": noise and noise.smallest_m3, "bounds_m3": noise and list(noise.bounds_m3),
@@ -135,7 +137,7 @@ def _noise(states: Sequence[_Entry], dug: Sequence[_Entry], own: Mapping[str, _E
                if (change := _between(own, group[0], fact, region, out)[0]) is not None]
     if len(volumes) >= FEWEST_NULLS:
         return find_noise(volumes), ""
-    there = f"{len(group)} pair{'' if len(group) == 1 else 's'} of this site show{'s' * (len(group) == 1)}"
+    there = f"{count_of(len(group), 'pair')} of this site show{'s' * (len(group) == 1)}"
     return None, (f"{there} it with nothing dug and noise of the render of their own, {len(volumes)} of them can be "
                   f"compared with the first, and it takes {FEWEST_NULLS}; render state 0 again with another "
                   "Sun or camera, as datasets/excavation_nulls does, and decide on both data sets together")

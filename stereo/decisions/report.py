@@ -14,10 +14,10 @@ import matplotlib
 import numpy as np
 
 from ...files import escape_cell, read_text, write_json, write_text
-from ...number_text import show_rounded
+from ...number_text import count_of, show_rounded
 from ...support.foreign_bytes import parse_toml
 from ...version import version
-from ..matchers import TITLES
+from ..matchers.methods import describe_method
 from ..measure.render_noise import DECIDES
 from ..report import comparisons
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg
@@ -214,8 +214,8 @@ def head_sentences(summary: Sequence[Mapping[str, Any]], facts: Sequence[Mapping
 def _head(entry: Mapping[str, Any], sun: str) -> str:
     if not entry["pairs"] or entry["dem.completeness"] is None:  # the second: no image shows ground in reach
         return ""
-    name = "the true depth" if entry["method"] == TRUE_DEPTH else TITLES.get(entry["method"], entry["method"])
-    scenes = f"{entry['scenes']} scene{'' if entry['scenes'] == 1 else 's'}"
+    name = "the true depth" if entry["method"] == TRUE_DEPTH else describe_method(entry["method"])
+    scenes = count_of(entry["scenes"], "scene")
     lost = entry["sites.safe_lost"]
     unsafe = entry["sites.false_safe"]
     if unsafe is None or entry["sites.taken"] < _HARDLY:
@@ -225,7 +225,8 @@ def _head(entry: Mapping[str, Any], sun: str) -> str:
     between = _between(entry, "sites.false_safe")
     return (f"With {name}{sun}, {_of_100(unsafe)} of 100 sites that look safe are not{between}"
             f"{'' if lost is None else f', and {_of_100(lost)} of 100 safe ones are lost'}; it would choose a site in "
-            f"{entry['chosen']} of {entry['pairs']} pairs, an unsafe one in {entry['unsafe_chosen']} ({scenes}).")
+            f"{entry['chosen']} of {count_of(entry['pairs'], 'pair')}, an unsafe one in "
+            f"{entry['unsafe_chosen']} ({scenes}).")
 
 
 def _between(entry: Mapping[str, Any], key: str) -> str:
@@ -242,8 +243,9 @@ def _volume_sentences(progress: Sequence[Mapping[str, Any]]) -> list[str]:
     for entry in progress:
         if entry["smallest_m3"] is not None and entry["method"] != TRUE_DEPTH:
             least, low, high = (show_rounded(_LITRES * value) for value in (entry["smallest_m3"], *entry["bounds_m3"]))
-            said.append(f"With {TITLES.get(entry['method'], entry['method'])}, a dug volume is noticed from {least} L "
-                        f"on (between {low} and {high} L, from {entry['null_pairs']} pairs with nothing dug).")
+            nulls = count_of(entry["null_pairs"], "pair")
+            said.append(f"With {describe_method(entry['method'])}, a dug volume is noticed from {least} L "
+                        f"on (between {low} and {high} L, from {nulls} with nothing dug).")
     return said
 
 
@@ -256,8 +258,8 @@ def _fault_sentences(faults: Sequence[Mapping[str, Any]]) -> list[str]:
             joints = ", ".join(f"{entry['joint']} " + (
                 f"from {entry['noticed_from_deg']:g}°" if entry["noticed_from_deg"] is not None
                 else f"not always, up to {entry['angles'][-1]['deg']:g}°") for entry in own)
-            found.append(f"With {TITLES.get(method, method)}, these faults of a joint are noticed: {joints} (limit "
-                         f"from {own[0]['sound']} pairs without a fault).")
+            found.append(f"With {describe_method(method)}, these faults of a joint are noticed: {joints} (limit "
+                         f"from {count_of(own[0]['sound'], 'pair')} without a fault).")
     return found
 
 
@@ -267,15 +269,15 @@ def _of_100(share: float) -> str:
 
 def find_notes(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]]) -> list[str]:
     """Sentences on what limits the numbers."""
-    notes = []
+    notes, all_pairs = [], count_of(len(facts), "pair")
     unseen = sum(not fact["exact"] for fact in facts)
     if unseen:
-        notes.append(f"{unseen} of {len(facts)} pairs contain no true heights (workspace.cell_m is 0), so their truth "
-                     "is the true depth of both eyes: ground that neither eye sees is not known, and counts nowhere.")
+        notes.append(f"In {unseen} of {all_pairs} there are no true heights (workspace.cell_m is 0), so the truth is "
+                     "the true depth of both eyes: ground that neither eye sees is not known, and counts nowhere.")
     shown = [row["numbers"]["dem"]["completeness"] for row in rows if row["method"] == TRUE_DEPTH and row["numbers"]]
     hidden = shown.count(None)
     if hidden:
-        notes.append(f"The left image of {hidden} of {len(facts)} pairs shows no cell in reach, so no site is found in "
+        notes.append(f"The left image of {hidden} of {all_pairs} shows no cell in reach, so no site is found in "
                      "them, whatever the matcher; aim the camera at the workspace to judge sites.")
     known = [share for share in shown if share is not None]
     if known and np.mean(known) < _FEW_KNOWN:
@@ -284,16 +286,17 @@ def find_notes(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, A
                      "--cell-m for pairs without true heights.")
     by_noise = sum((fact.get("noise") or {}).get("verdict") == DECIDES for fact in facts)
     if by_noise:
-        notes.append(f"Noise of the render decides the result in {by_noise} of {len(facts)} pairs: heights are rougher "
+        notes.append(f"Noise of the render decides the result in {by_noise} of {all_pairs}: heights are rougher "
                      "than those of a camera's own noise, and sites look less safe; raise quality.samples.")
     suspect = sorted({row["pair"] for row in rows if row["status"] == "suspect"})
     if suspect:
-        notes.append(f"{len(suspect)} pairs contradict themselves and count in no mean: {', '.join(suspect[:5])}.")
+        notes.append(f"No mean contains {count_of(len(suspect), 'pair')} whose eyes contradict each other or the "
+                     f"truth: {', '.join(suspect[:5])}.")
     if not all(fact.get("arm") for fact in facts):
         notes.append("No arm is stated, so all ground is taken for ground in reach.")
     empty = {row["pair"] for row in rows if row["numbers"] and not row["numbers"]["sites"]["cells"][0]}
     if empty:
-        notes.append(f"In {len(empty)} of {len(facts)} pairs no cell of the workspace is in reach and known, so "
+        notes.append(f"In {len(empty)} of {all_pairs} no cell of the workspace is in reach and known, so "
                      "there is nothing to decide; move the workspace, the arm or the camera.")
     notes += dict.fromkeys(said for fact in facts for said in (fact.get("excavation") or {}).get("advice", []))
     scenes = len({fact["scene"] for fact in facts})
@@ -333,7 +336,6 @@ def _page(report: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], facts: S
                  for entry in report["progress"] for step in entry["steps"][-1:] if step["map"]],
         fault_angles=sorted({angle["deg"] for entry in report["faults"] for angle in entry["angles"]}),
         outcomes=pictures.OUTCOMES, codes=pictures.CODES, full_mm=pictures.FULL_M * _MM,
-        name_of=lambda label: TITLES.get(label, label),
         pairs=[_pair_section(fact, rows, out) for fact in facts[:MOST_PAIRS]], more=max(0, len(facts) - MOST_PAIRS))
 
 
@@ -375,8 +377,8 @@ def _draw_roc(summary: Sequence[Mapping[str, Any]]) -> str:
         drawn = [entry for entry in summary if entry["roc"] is not None]
         for k, entry in enumerate(drawn):
             truth = entry is summary[0]
-            axis.plot(ROC_AT, entry["roc"], label=entry["method"][:24], linestyle="--" if truth else "-",
-                      color="#6f7f8f" if truth else COLOURS[(k - 1) % len(COLOURS)])
+            axis.plot(ROC_AT, entry["roc"], label=describe_method(entry["method"])[:24],
+                      linestyle="--" if truth else "-", color="#6f7f8f" if truth else COLOURS[(k - 1) % len(COLOURS)])
         axis.set_xlabel("Unsafe cells taken for safe (share)")
         axis.set_ylabel("Safe cells taken (share)")
         add_legend(figure, axis, 3)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from ...errors import IcyMoonError
+from ...number_text import count_of
 from ..measure.prepare import Loaded
 
 #: A pair is not written if more of its true disparities than this share would be lost: what is left is not its truth.
@@ -53,5 +54,5 @@ class Losses:
         for (what, why), found in self._found.items():
             share, name = max(found)
             written = f"{100 * share:.2g} %" if share < 0.995 else "all"
-            yield (f"{len(found)} of {pairs} pairs lose up to {written} of the true {what} (pair {name}): it is {why}. "
-                   f"{_WHOLE[what]} hold all of it.")
+            yield (f"In {len(found)} of {count_of(pairs, 'pair')} up to {written} of the true {what} is lost (pair "
+                   f"{name}): it is {why}. {_WHOLE[what]} hold all of it.")

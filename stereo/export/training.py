@@ -22,6 +22,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...files import explain_disk_errors, part_of, write_json, write_text
+from ...number_text import count_of
 from ...render.pairs.pair_folder import EYES
 from ...render.pairs.scene_splits import scene_of, split_of_pair
 from ...system import remove, replace
@@ -232,7 +233,7 @@ def _card(index: _Index, layout: str, how: str) -> str:
     spread = f"The median depth of a pair is {min(depths):g} to {max(depths):g} m.\n" if depths else ""
     spread += f"The Sun stands {min(suns):g} to {max(suns):g} degrees above the horizon.\n" if suns else ""
     return (f"# Stereo pairs of icy moons\n\nMade by Icy Moon {version()}, a simulator; no image here is a photograph. "
-            f"{len(rows)} pairs in {layout}. {how}\n\n| split | pairs | scenes |\n|---|---|---|\n"
+            f"{count_of(len(rows), 'pair')} in {layout}. {how}\n\n| split | pairs | scenes |\n|---|---|---|\n"
             f"{table}\n{spread}\nA scene, the shape of its ground and rocks, is in one split only. Disparity is exact "
             "at pixel centres, left column minus right column; sky has none. `index.csv` lists the pairs. What the "
             "surfaces, the light and the cameras are like, with sources, is in the `pair.json` of the pairs that this "

@@ -34,7 +34,8 @@ from .options import resolve
 from .result import Result
 from .search_range import SearchRange
 
-#: What the window calls the matchers that need no setting up, and what some of them need beside the evaluator.
+#: What readers see instead of the names of matchers that need no setting up, in tables, charts, sentences and in the
+#: window, and what some of them need beside the evaluator.
 TITLES = {"bm": "StereoBM", "sgbm": "SGBM", "sgbm_wls": "SGBM with WLS", "jplv": "JPLV", "igev": "IGEV-Stereo",
           "dsmnet": "DSMNet"}
 NEEDS = {"igev": "PyTorch and a checkpoint", "dsmnet": "PyTorch and a checkpoint"}
@@ -92,8 +93,8 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
     valid = (result.disparity > 0) & np.isfinite(result.disparity)
     if not valid.any() and not getattr(module, "SPARSE", False):
         what = "a positive number" if np.isfinite(result.disparity).any() else "a number"
-        raise IcyMoonError(f"{method} gave no pixel {what}; its checkpoint or program is damaged, or writes "
-                           "disparities with the wrong sign or unit.")
+        raise IcyMoonError(f"{TITLES.get(method, method)} gave no pixel {what}; its checkpoint or program is damaged, "
+                           "or writes disparities with the wrong sign or unit.")
     return (np.where(valid, result.disparity, np.nan).astype(np.float32), valid,
             {"method": method, "options": complete, **dict.fromkeys(COSTS), **costs, **result.costs,
              "arrays": result.arrays, "counts": result.counts, "facts": result.facts, "search": search})

@@ -20,6 +20,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...files import parse_path, sha256
+from . import TITLES
 from .options import Option
 
 if TYPE_CHECKING:
@@ -94,10 +95,10 @@ def guard_inference(method: str) -> Iterator[None]:
         with torch.inference_mode(), exact:
             yield
     except torch.OutOfMemoryError:
-        raise IcyMoonError(f"{method} needs more memory than the CUDA device has; lower {method}.max_disparity, use "
-                           f"{method}.device=cpu or render smaller images.") from None
+        raise IcyMoonError(f"{TITLES[method]} needs more memory than the CUDA device has; lower "
+                           f"{method}.max_disparity, use {method}.device=cpu or render smaller images.") from None
     except RuntimeError as error:  # such as no memory on the CPU
-        raise IcyMoonError(f"{method} failed in PyTorch ({_first_line(error)}).") from None
+        raise IcyMoonError(f"{TITLES[method]} failed in PyTorch ({_first_line(error)}).") from None
 
 
 def batch(image: np.ndarray, device: Any) -> Any:
@@ -157,7 +158,7 @@ def _fill_parameters(model: nn.Module, given: dict[str, Any], path: Path, method
     wrong += [f"{name} has the shape {tuple(given[name].shape)}, not {tuple(value.shape)}"
               for name, value in expected.items() if name in given and given[name].shape != value.shape]
     if wrong:
-        raise IcyMoonError(f"{path} is no checkpoint of {method}: {len(wrong)} of its parameters do not fit, "
+        raise IcyMoonError(f"{path} is no checkpoint of {TITLES[method]}: {len(wrong)} of its parameters do not fit, "
                            f"{min(wrong)}.")
     model.load_state_dict(given, strict=True)
 

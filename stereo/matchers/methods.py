@@ -12,6 +12,9 @@ from ...settings.trust_boundary import OWN, OWN_NAME, listed, split_option
 from ...suggestions import nearest
 from . import TITLES, check_options, matcher_names, option_keys
 
+#: What separates the options in a label.
+_NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
+
 
 @dataclass(frozen=True)
 class Method:
@@ -41,9 +44,12 @@ def names_method(text: str, name: str) -> bool:
 
 
 def describe_method(label: str) -> str:
-    """A method as the window names it: ``StereoBM:window=7`` for bm:window=7; a name of the user's as it is."""
-    name, colon, options = label.partition(":")
-    return f"{TITLES.get(name, name)}{colon}{options}"
+    """A method as readers see it: ``StereoBM window=7`` for bm:window=7; a name of the user's as it is.
+
+    Files keep the label, by which programs find a method.
+    """
+    name, *options = _NEXT_OPTION.split(label)
+    return " ".join((TITLES.get(name, name), *options))
 
 
 def toggle_method(text: str, name: str) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ..images.image_values import describe_size
+from . import TITLES
 from .options import Option
 from .search_range import AUTO, STATED, STEP_PX, TRUTH, SearchRange, require_range
 
@@ -49,9 +50,8 @@ def require_room(method: str, image: np.ndarray, enough: bool, option: str = "")
     """
     if not enough:
         option = option or f"disparities or {method}.window"
-        raise IcyMoonError(f"The images, {describe_size(image)}, are too small for {method}: its "
-                           f"search range and window do not fit; lower {method}.{option}, or "
-                           "render larger images.")
+        raise IcyMoonError(f"The images, {describe_size(image)}, are too small for {TITLES[method]}: its search range "
+                           f"and window do not fit; lower {method}.{option}, or render larger images.")
 
 
 def run_matcher(method: str, matcher: Any, left: np.ndarray, right: np.ndarray, min_disparity: int,
@@ -66,7 +66,8 @@ def run_matcher(method: str, matcher: Any, left: np.ndarray, right: np.ndarray, 
     try:
         fixed = matcher.compute(left, right)
     except (cv2.error, MemoryError) as error:
-        raise IcyMoonError(f"OpenCV's {method} failed ({getattr(error, 'err', error)}); try other options.") from None
+        raise IcyMoonError(f"OpenCV's {TITLES[method]} failed ({getattr(error, 'err', error)}); try other "
+                           "options.") from None
     disparity = np.full(left.shape, np.nan, np.float32)
     inside = (slice(*rows), slice(*columns))
     measured = fixed[inside] >= min_disparity * SUBPIXELS

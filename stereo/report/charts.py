@@ -22,6 +22,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from ...files import write_atomically
 from ...settings.table import TOPICS
 from ...support.printer import show_lines
+from ..matchers.methods import describe_method
 from ..measure import by_pixel_class
 from ..measure.disparity_histograms import ERROR_PX, PARTS
 from ..measure.metrics import ERROR_STEPS_M, SHARES
@@ -72,7 +73,7 @@ def _methods(summary: Summary) -> Iterator[tuple[int, Mapping[str, Any], dict[st
     """(number, entry, style of its curve) of each method."""
     for k, entry in enumerate(summary):
         colour, mark = _look(k)
-        yield k, entry, {"color": colour, "marker": mark, "label": entry["method"]}
+        yield k, entry, {"color": colour, "marker": mark, "label": describe_method(entry["method"])}
 
 
 def _look(k: int) -> tuple[str, str]:
@@ -143,7 +144,7 @@ def draw_charts(summary: Summary, table: Table, sweeps: Sequence[Sweep],
 
 def method_keys(methods: Sequence[str]) -> list[tuple[str, str, str]]:
     """(method, colour, shape as an SVG path in a square of 10) of each method, for the legend of the page."""
-    return [(method, colour, _SHAPES[mark]) for method, (colour, mark) in zip(
+    return [(describe_method(method), colour, _SHAPES[mark]) for method, (colour, mark) in zip(
         methods, map(_look, range(len(methods))), strict=True)]
 
 
@@ -183,7 +184,7 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
         with _panel(found, "front", "Accuracy against time; line: no method is better in both") as axis:
             for look, entry in entries:
                 axis.plot(entry["seconds"], 100 * entry["total_bad_1"], **look, linestyle="", zorder=3)
-                axis.annotate(entry["method"][:_LONGEST_LABEL], (entry["seconds"], 100 * entry["total_bad_1"]),
+                axis.annotate(look["label"][:_LONGEST_LABEL], (entry["seconds"], 100 * entry["total_bad_1"]),
                               (5, 4), textcoords="offset points")
             best: list[tuple[float, float]] = []
             for seconds, wrong in sorted((entry["seconds"], 100 * entry["total_bad_1"]) for _, entry in entries):
@@ -212,7 +213,7 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
                     axis.errorbar([k + 0.3], [middle], [[middle - low], [high - middle]], color=_GREY, marker="_",
                                   markersize=9, capsize=4, elinewidth=1.2)
                 _draw_spread(axis, k, values[k], look)
-            axis.set_xticks(range(len(summary)), [entry["method"][:_LONGEST_LABEL] for entry in summary],
+            axis.set_xticks(range(len(summary)), [look["label"][:_LONGEST_LABEL] for *_, look in _methods(summary)],
                             rotation=25 if len(summary) > 4 else 0)
             axis.set_ylim(bottom=0)
             axis.set_ylabel(label)

@@ -20,7 +20,7 @@ import numpy as np
 from ...files import write_text
 from ...settings.toml_text import to_toml
 from ..images import colours
-from ..matchers.methods import Method
+from ..matchers.methods import Method, describe_method
 from ..measure.result_row import REGION_METRICS, REGIONS
 from .by_setting import Sweep
 from .charts import MOST_SWEEPS, draw_charts, method_keys
@@ -159,7 +159,7 @@ def _page_data(table: Table, titles: Sequence[str], ranking: Mapping[str, Any], 
         rows.append([name, titles[p], status, *(None if np.isnan(column[p]) else round(float(column[p]), decimals)
                                      for own in columns
                                      for column, (_, _, decimals, _) in zip(own, _PAGED, strict=True))])
-    text = json.dumps({"methods": [[method.label, method.file_name] for method in methods],
+    text = json.dumps({"methods": [[describe_method(method.label), method.file_name] for method in methods],
                        "columns": [[heading, decimals] for _, heading, decimals, _ in _PAGED], "pairs": rows,
                        "ranking": ranking},
                       separators=(",", ":"), allow_nan=False)

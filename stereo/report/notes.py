@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...file_shapes import COUNT, NUMBER, TEXT, Maybe, Shape
-from ...number_text import show_rounded
+from ...number_text import count_of, show_rounded
 from ..images.disparity_and_occlusion import ESTIMATED
-from ..matchers.methods import Method
+from ..matchers.methods import Method, describe_method
 from ..matchers.search_range import FIXED, MISSED, STATED, TRUTH
 from ..measure.render_noise import DECIDES, NOISY
 from .table_columns import NOISE_DECIDES
@@ -68,7 +68,7 @@ class Notes:
         """Add the row of a method on a pair."""
         label = row["method"]
         for name, sentence in row.get("plug_in_faults", {}).items():
-            self._failures.setdefault(name, []).append(f"{label} on {row['pair']}: {sentence}")
+            self._failures.setdefault(name, []).append(f"{describe_method(label)} on {row['pair']}: {sentence}")
         if row.get("search"):
             self._search[label].append((row["pair"], row["search"]))
 
@@ -76,8 +76,9 @@ class Notes:
         """The notes, the most important first."""
         missed = (self._missed(label, found) for label, found in self._search.items())
         from_truth = [label for label, found in self._search.items() if any(s["source"] == TRUTH for _, s in found)]
-        known = (Note(f"{label} has its range from truth", "it searches only the disparities that each pair contains, "
-                      "which no camera knows.") for label in from_truth)
+        known = (Note(f"{describe_method(label)} has its range from truth",
+                      "it searches only the disparities that each pair contains, which no camera knows.")
+                 for label in from_truth)
         return [*filter(None, missed), *self._noise(), *known, *self._plugins(), *self._occlusion(),
                 *self._baked_light()]
 
@@ -85,11 +86,12 @@ class Notes:
         for fault in self._faults:
             yield Note("A metric is left out", fault)
         for name, sentences in self._failures.items():
-            yield Note(f"The metric {name} failed {len(sentences)} times", f"the first time, {sentences[0]}")
+            yield Note(f"The metric {name} failed {count_of(len(sentences), 'time')}",
+                       f"the first time, {sentences[0]}")
 
     def _occlusion(self) -> Iterator[Note]:
         if self._estimated:
-            yield Note(f"Hidden pixels are estimated in {self._estimated} of {self._pairs} pairs",
+            yield Note(f"Hidden pixels are estimated in {self._estimated} of {count_of(self._pairs, 'pair')}",
                        "from the depths of both eyes. Pairs rendered since version 0.2 with quality.truth FULL contain "
                        "what rays found.")
 
@@ -99,7 +101,7 @@ class Notes:
         noise, share, _ = max(self._baked)
         over = sum(0.0 < bound < noise for noise, _, bound in self._baked)  # 0: any noise is accepted
         more = f" In {over} of them it is above quality.bake_noise; raise quality.bake_samples." if over else ""
-        yield Note(f"Indirect light is baked in {len(self._baked)} of {self._pairs} pairs",
+        yield Note(f"Indirect light is baked in {len(self._baked)} of {count_of(self._pairs, 'pair')}",
                    "its noise is fixed to the ground, alike in both eyes, so matchers take it for texture. It is at "
                    f"most {show_rounded(100 * noise)} % of the light, in a pair of which "
                    f"{show_rounded(100 * share)} % is indirect.{more}")
@@ -112,7 +114,8 @@ class Notes:
                        f"differ by less than {show_rounded(100 * max(self._decided))} % of the pixels may differ by "
                        "noise alone; raise quality.samples and look whether their order stays.")
         if self._noisy:
-            yield Note(f"{self._noisy} of {self._pairs} pairs are noisy" if self._pairs > 1 else "The pair is noisy",
+            where = f" in {self._noisy} of {self._pairs} pairs" if self._pairs > 1 else ""
+            yield Note(f"The render is noisy{where}",
                        "in light or in shadow, 1 to 5 % of the pixels have less texture than noise.")
 
     @staticmethod
@@ -122,7 +125,7 @@ class Notes:
             return None
         most, pair, worst = max(beyond, key=lambda entry: entry[0])
         fix = _FIXES.get(worst["source"], "State a larger range.")
-        return Note(f"{label} cannot measure everything",
-                    f"in {len(beyond)} of {len(found)} pairs its search range leaves out more than {100 * MISSED:g} % "
-                    f"of the true disparities, at most {100 * most:.0f} % (pair {pair}, searched {worst['least_px']} "
-                    f"to {worst['most_px']} px). {fix}")
+        return Note(f"{describe_method(label)} cannot measure everything",
+                    f"in {len(beyond)} of {count_of(len(found), 'pair')} its search range leaves out more than "
+                    f"{100 * MISSED:g} % of the true disparities, at most {100 * most:.0f} % (pair {pair}, "
+                    f"searched {worst['least_px']} to {worst['most_px']} px). {fix}")

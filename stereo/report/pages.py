@@ -7,7 +7,9 @@ from typing import Any
 
 import jinja2
 
+from ...number_text import count_of
 from ...support.printer import show_lines
+from ..matchers.methods import describe_method
 
 _HERE = Path(__file__).parent
 
@@ -15,11 +17,13 @@ _HERE = Path(__file__).parent
 def read_template(name: str, folder: Path = _HERE) -> jinja2.Template:
     """The template of a page in a folder; it may use what lies beside the report's.
 
-    Texts of others are neither markup nor do they have invisible control characters in the page.
+    Texts of others are neither markup nor do they have invisible control characters in the page. Every page can name a
+    method for its readers (``name_of``) and a count (``count_of``).
     """
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader([folder, _HERE]), autoescape=True,
                                      undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
                                      finalize=_show)
+    environment.globals |= {"count_of": count_of, "name_of": describe_method}
     return environment.get_template(name)
 
 

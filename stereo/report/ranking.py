@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from ..matchers.methods import describe_method
 from .conditions import Condition
 from .summary import Table, compare_methods, summarise_method
 from .table_columns import (
@@ -89,7 +90,7 @@ def rank_methods(table: Table, summary: Sequence[Mapping[str, Any]], verdicts: s
     views = [{"key": view.key, "name": view.name, "doc": view.doc, "columns": [
         [each.column.title, each.column.doc, each.column.key.endswith("coverage")] for each in view.columns]}
         for view in VIEWS]
-    return {"methods": table.methods, "first": FIRST, "conditions": found, "views": views}
+    return {"methods": list(map(describe_method, table.methods)), "first": FIRST, "conditions": found, "views": views}
 
 
 def _condition(name: str, table: Table, summary: Sequence[Mapping[str, Any]], verdicts: str) -> dict[str, Any]:

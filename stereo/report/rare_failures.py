@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..matchers.methods import describe_method
 from .summary import Table
 from .table_columns import RANKING
 
@@ -57,7 +58,7 @@ def find_rare_failures(table: Table) -> list[RareFailure]:
 
 def describe_rare_failures(table: Table) -> list[str]:
     """A sentence for each method that fails heavily in few pairs."""
-    return [f"{each.method} fails rarely but heavily: {each.failing} of {each.pairs} pairs contain "
+    return [f"{describe_method(each.method)} fails rarely but heavily: {each.failing} of {each.pairs} pairs contain "
             f"{100 * each.share:.0f} % of its wrong or missing pixels, and other methods have far fewer there. Chance "
             "decides how many such pairs a data set contains, and so any verdict on it; evaluate more scenes."
             for each in find_rare_failures(table)]

@@ -8,6 +8,7 @@ from typing import Any
 
 from ...render.cost.tolerance import Tolerance, all_hold
 from ...render.cost.variants import SHAPES
+from ..matchers.methods import describe_method
 from .decisions import decisions_text
 from .losses import number_at, pareto_front
 
@@ -27,9 +28,14 @@ def variant_advice(rows: Sequence[Row], methods: Sequence[str]) -> list[str]:
     """The cheapest variant within each tolerance for each matcher, and what each group saves, in words."""
     scene = next(row for row in rows if row["group"] == "scene")
     margin = _margin(rows)
-    subjects = [*([("all matchers", methods)] if len(methods) > 1 else []), *((method, [method]) for method in methods)]
-    return [line for name, each in subjects for line in _matcher_advice(name, each, rows, scene, margin)
+    return [line for name, each in _subjects(methods) for line in _matcher_advice(name, each, rows, scene, margin)
             ] + _group_advice(rows, scene, methods, margin)
+
+
+def _subjects(methods: Sequence[str]) -> list[tuple[str, Sequence[str]]]:
+    """Whom advice is for, and their methods: all matchers if there are several, then each."""
+    several = [("all matchers", methods)] if len(methods) > 1 else []
+    return [*several, *((describe_method(method), [method]) for method in methods)]
 
 
 def decision_advice(rows: Sequence[Row], methods: Sequence[str], references: Sequence[Row]) -> list[str]:
@@ -39,8 +45,7 @@ def decision_advice(rows: Sequence[Row], methods: Sequence[str], references: Seq
     if not alike:
         return [reference["undecided"] for reference in references[:1] if reference["undecided"]]
     scene, margin = next(row for row in rows if row["group"] == "scene"), _margin(rows)
-    subjects = [*([("all matchers", methods)] if len(methods) > 1 else []), *((method, [method]) for method in methods)]
-    return [_decision_line(name, each, alike, scene, margin, references[0]) for name, each in subjects]
+    return [_decision_line(name, each, alike, scene, margin, references[0]) for name, each in _subjects(methods)]
 
 
 def _decision_line(name: str, methods: Sequence[str], rows: Sequence[Row], scene: Row, margin: float,
@@ -49,7 +54,7 @@ def _decision_line(name: str, methods: Sequence[str], rows: Sequence[Row], scene
     best = _cheapest([row for row in rows if same[row["key"]]], margin)
     if best is not None:
         differs = decisions_text(best["decisions"][methods[0]]) if len(methods) == 1 else ""
-        idle = [method for method in methods if best["decisions"][method]["taken"] == 0]
+        idle = [describe_method(method) for method in methods if best["decisions"][method]["taken"] == 0]
         empty = f"; but {' and '.join(idle)} found no safe site on the reference, so that tells little" if idle else ""
         return (f"{name}, the same decisions as the reference: “{best['name']}”, {best['cpu_s']:.1f} CPU seconds a pair"
                 f"{_ratio_text(scene, best, margin)}{differs and f', decides {differs}'}{empty}.")
@@ -128,7 +133,8 @@ def _matcher_advice(name: str, methods: Sequence[str], rows: Sequence[Row], scen
 def _worst_loss_text(row: Row, methods: Sequence[str]) -> str:
     """The loss of the matcher that loses most, with its name if there are several."""
     worst = max(methods, key=lambda method: number_at(row, "loss", method, "epe_px") or 0.0)
-    return f"at most {loss_text(row, worst)}, of {worst}" if len(methods) > 1 else loss_text(row, worst)
+    loss = loss_text(row, worst)
+    return f"at most {loss}, of {describe_method(worst)}" if len(methods) > 1 else loss
 
 
 def _cheapest(rows: Sequence[Row], margin: float) -> Row | None:

@@ -41,7 +41,7 @@ def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     ``within`` (None: noise leaves that open). Raises IcyMoonError if a render fails.
     """
     packages.require(*packages.PACKAGES)
-    from ..matchers.methods import parse_methods
+    from ..matchers.methods import describe_method, parse_methods
     from .losses import read_reference
 
     methods = parse_methods(bench.methods, own=bench.own)
@@ -67,7 +67,7 @@ def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
     keys = {*_ALWAYS_WRITTEN, *changed(chosen.settings, bench.settings).get("quality", {})}
     settings = {"quality": {key: quality[key] for key in quality if key in keys}}
     said = [*search.tried_lines(), f"Use {chosen.name}: {cost:.1f} CPU seconds a pair here, within {tolerance} for "
-            f"{_join_words([method.label for method in methods])}."]
+            f"{_join_words([describe_method(method.label) for method in methods])}."]
     write_text(file, "".join(f"# {line}\n" for line in said) + to_toml(settings))
     return {"chosen": chosen.name, "settings": settings, "file": str(file), "tried": search.tried, "said": said}
 
@@ -111,6 +111,7 @@ class _Search:
                 step["within"] is not False)) for step in self.tried]
 
     def _loss_text(self, label: str, step: dict[str, Any]) -> str:
+        from ..matchers.methods import describe_method
         from .advice import coverage_text
 
         parts = []
@@ -121,7 +122,8 @@ class _Search:
                 spread = f" ± {factor * doubt:.{digits}f}" if doubt is not None else ""
                 parts.append(text.format(factor * value, spread))
         fewer = coverage_text(step["loss"][label], step["loss_doubt"][label])
-        return f"{label} {' and '.join(parts)}{fewer}" if parts else f"{label} measures nothing"
+        name = describe_method(label)
+        return f"{name} {' and '.join(parts)}{fewer}" if parts else f"{name} measures nothing"
 
     def failure_advice(self) -> str:
         """Why nothing was chosen, and the fix."""

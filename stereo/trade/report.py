@@ -15,6 +15,7 @@ from matplotlib.ticker import FuncFormatter
 
 from ...files import write_json, write_text
 from ...render.cost.variants import SHAPES
+from ..matchers.methods import describe_method
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg, set_logarithmic
 from ..report.pages import read_template
 from ..report.table_columns import Column, format_number
@@ -130,6 +131,6 @@ def _draw_chart(rows: Sequence[Mapping[str, Any]], methods: Sequence[str],
                 axis.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
             axis.set_xlabel("CPU seconds per pair")
             axis.set_ylabel("RMSE of the radiance" if label == "radiance" else "more disparity error (px)")
-            axis.set_title("Radiance" if label == "radiance" else label, loc="left")
+            axis.set_title("Radiance" if label == "radiance" else describe_method(label), loc="left")
         add_legend(figure, axes.flat[0], len(groups))
         return render_svg(figure, "trade", "Cost against error of every variant")

@@ -211,7 +211,7 @@ def test_by_operator_with_its_range(shown, evaluated_pair):
     assert bpy.ops.icymoon.paint_errors() == {"FINISHED"}
     assert painted_errors.legend(scene)[0][0] == "Depth error of near on the ground"
     assert bpy.ops.icymoon.paint_errors(method="bm:window=7") == {"FINISHED"}
-    assert painted_errors.legend(scene)[0][0] == "Depth error of StereoBM:window=7 on the ground"  # as its tick
+    assert painted_errors.legend(scene)[0][0] == "Depth error of StereoBM window=7 on the ground"  # as its tick
     assert bpy.ops.icymoon.paint_errors(method="far") == {"FINISHED"}
     error, _, colour = read(mesh)
     large = error > 0.15

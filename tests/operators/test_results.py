@@ -40,7 +40,7 @@ def test_they_survive_saving_and_are_none_of_another_file(scene, tmp_path):
 
 def test_the_status_line_names_a_matcher_as_its_tick_does():
     row = {"method": "bm:window=7", "n": 9, "total_bad_1": 0.125, "coverage": 0.9, "l1_m": 0.25}
-    assert results.outcome(row).startswith("StereoBM:window=7: 12.5 % wrong or missing")
+    assert results.outcome(row).startswith("StereoBM window=7: 12.5 % wrong or missing")
     assert results.outcome({**row, "method": "mine", "n": 0}) == "mine: no result"
 
 
@@ -99,7 +99,7 @@ def buttons_of_results():
 
 def test_matchers_that_fail_rarely_stand_whole_below_the_ranks(scene, tmp_path):
     evaluated(scene, tmp_path)
-    sentence = ("sgbm fails rarely but heavily: 2 of 40 pairs contain 45 % of its wrong or missing pixels, and other "
+    sentence = ("SGBM fails rarely but heavily: 2 of 40 pairs contain 45 % of its wrong or missing pixels, and other "
                 "methods have far fewer there. Chance decides how many such pairs a data set contains, and so any "
                 "verdict on it; evaluate more scenes.")
     path = tmp_path / "evaluation_scene" / "summary.json"
@@ -107,7 +107,7 @@ def test_matchers_that_fail_rarely_stand_whole_below_the_ranks(scene, tmp_path):
     results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
     assert results.rare_failures(scene) == (sentence,)
     labels = [entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label"]
-    first = next(k for k, label in enumerate(labels) if label.startswith("sgbm fails rarely"))
+    first = next(k for k, label in enumerate(labels) if label.startswith("SGBM fails rarely"))
     assert first > labels.index("Wrong")
     assert sentence in " ".join(labels[first:])  # in lines that the sidebar shows
 

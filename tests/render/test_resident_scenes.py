@@ -101,7 +101,7 @@ def test_own_rocks_are_seen_where_they_were_put(tmp_path):
         "rig": {"width_px": 96, "height_px": 72, "height_m": 12.0, "pitch_deg": 89.0},
         "quality": {"samples": 1, "threads": 1, "truth": "FULL"}}).with_heights(lambda x, y: 0 * x)
     rocks = np.array([[2.0, 1.0, 1.5], [-3.0, 2.0, 2.0], [30.0, 0.0, 1.0]])
-    with icymoon.InProcess() as here, pytest.warns(UserWarning, match="1 rocks of"):
+    with icymoon.InProcess() as here, pytest.warns(UserWarning, match="lacks 1 rock of"):
         pair = scene.with_rocks(rocks).render(tmp_path, renderer=here)
     x, y, _ = np.moveaxis(points_of(pair), -1, 0)
     rock = pair.left.semantic == 2

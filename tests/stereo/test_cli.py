@@ -92,7 +92,7 @@ def test_match_writes_disparity(inputs, tmp_path, bits):
     ({"left": "empty.png"}, ["empty.png", "not a PNG"]),
     ({"right": "text.png"}, ["text.png", "not a PNG"]),
     ({"right": "small.png"}, ["256 x 144", "12 x 10"]),
-    ({"left": "small.png", "right": "small.png", "method": "bm"}, ["12 x 10", "too small for bm"]),
+    ({"left": "small.png", "right": "small.png", "method": "bm"}, ["12 x 10", "too small for StereoBM"]),
     ({"method": "sbgm"}, ["did you mean 'sgbm'"]),
 ])
 def test_match_refuses_in_one_sentence_and_writes_nothing(inputs, tmp_path, changes, words):

@@ -244,7 +244,7 @@ def test_one_method_that_cannot_run_does_not_stop_the_other(tmp_path):
     pairs.write_pair(tmp_path / "pair", rig=pairs.camera(96, 72))
     report = evaluate([tmp_path / "pair"], parse_methods("bm,sgbm", ["bm.window=75"]), tmp_path / "out")
     assert [row["status"] for row in report["rows"]] == ["failed", "ok"]
-    assert "too small for bm" in report["rows"][0]["error"]
+    assert "too small for StereoBM" in report["rows"][0]["error"]
     assert report["failed"][0]["method"] == "bm"
 
 

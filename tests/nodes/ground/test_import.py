@@ -195,11 +195,12 @@ def test_damage_is_reported_and_mended(tmp_path):
     positions = np.concatenate([positions, [(math.nan, 0, 0)], positions[:3]])
     broken = np.concatenate([broken, [(80, 79, 81, 81)], [(5, 5, 6, 6)]])
     path = write_ply(tmp_path / "a.ply", positions, broken)
-    with pytest.raises(IcyMoonError, match=r"1 vertices are not finite.*source\.repair"):
+    with pytest.raises(IcyMoonError, match=r"1 vertex without finite coordinates.*source\.repair"):
         scenes.build(empty_scene(), own(path, repair=False))
     built = scenes.build(empty_scene(), own(path))
     text = " ".join(built.ground["report"])
-    for words in ("1 vertices that are not numbers", "3 duplicate vertices", "flipped", "faces down", "Repaired: 80"):
+    for words in ("1 vertex without finite coordinates", "3 duplicate vertices", "flipped", "faces down",
+                  "Repaired: 80"):
         assert words in text, text
     assert examine(positions_of(built.terrain), read_triangles(built.terrain)).facing_down == 0
     assert len(built.terrain.data.polygons) == 2 * 63

@@ -219,7 +219,7 @@ def test_headings_are_described_too():
     (VariedSetting("dataset.seed", 1, 2), "raise Variations by Seed"),
     (VariedSetting("light.body"), "is no number, choice or tick"),
     (VariedSetting("terrain.layers"), "is no number, choice or tick"),
-    (VariedSetting("light.sun_elevation_deg", 5, 9, 1), "has 1 values"),
+    (VariedSetting("light.sun_elevation_deg", 5, 9, 1), "has 1 value;"),
     (VariedSetting("light.sun_elevation_deg", 5, 9, 100000), "more than 100000")])
 def test_what_cannot_vary_is_refused_in_a_sentence(varied, problem):
     with pytest.raises(IcyMoonError) as caught:

@@ -61,4 +61,4 @@ def test_where_no_image_shows_ground_in_reach_nothing_is_told_of_sites():
         notes = [note for note in find_notes(found, facts) if "shows no cell in reach" in note]
         assert bool(head) == (completeness is not None)
         assert [note.split(",")[0] for note in notes] == (
-            ["The left image of 1 of 1 pairs shows no cell in reach"] if completeness is None else [])
+            ["The left image of 1 of 1 pair shows no cell in reach"] if completeness is None else [])

@@ -243,7 +243,8 @@ def test_truth_that_is_lost_in_part_is_reported_once_for_all_pairs(tmp_path):
     heard: list[dict] = []
     assert not export([tmp_path / "set"], "kitti", tmp_path / "out", on_event=heard.append)
     (warning,) = [each["message"] for each in heard if each["type"] == "warning"]
-    assert re.match(r"2 of 3 pairs lose up to \d+ % of the true disparity \(pair two\): it is outside of", warning)
+    assert re.match(r"In 2 of 3 pairs up to \d+ % of the true disparity is lost \(pair two\): it is outside of",
+                    warning)
     assert warning.endswith("pfm and middlebury hold all of it.")
 
 

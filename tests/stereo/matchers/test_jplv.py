@@ -207,5 +207,5 @@ def test_ranges_that_cannot_be_searched_are_named():
             match("jplv", image, image, options)
     match("jplv", image, image, {"max_disparity": 254})
     match("jplv", image, image, {"max_disparity": 500, "pyramid_level": 1})
-    with pytest.raises(IcyMoonError, match=r"too small for jplv.*lower jplv.window or jplv.pyramid_level"):
+    with pytest.raises(IcyMoonError, match=r"too small for JPLV.*lower jplv.window or jplv.pyramid_level"):
         match("jplv", image, image, {"pyramid_level": 3})

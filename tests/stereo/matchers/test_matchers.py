@@ -5,7 +5,7 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.stereo.matchers import check_options, match
+from icymoon.stereo.matchers import TITLES, check_options, match
 
 RIG = pairs.camera()
 ANYWHERE = ("bm", "sgbm", "sgbm_wls", "jplv")  # what runs without a checkpoint or another program
@@ -205,12 +205,12 @@ def test_unusable_images_are_refused(method):
 @pytest.mark.parametrize("shape", [(1, 1), (3, 400), (40, 60), (48, 400), (60, 140)])
 def test_images_too_small_for_the_window_are_refused(shape):
     small = np.zeros(shape, np.uint8)
-    with pytest.raises(IcyMoonError, match=r"too small for bm.*lower bm.disparities or bm.window"):
+    with pytest.raises(IcyMoonError, match=r"too small for StereoBM.*lower bm.disparities or bm.window"):
         match("bm", small, small, {"preset": "guiss"})
-    with pytest.raises(IcyMoonError, match="too small for sgbm"):
+    with pytest.raises(IcyMoonError, match="too small for SGBM"):
         match("sgbm", small[:, :98], small[:, :98], {"left_border": "skip"})
     for method in ANYWHERE:
-        with pytest.raises(IcyMoonError, match=f"too small for {method}:"):
+        with pytest.raises(IcyMoonError, match=f"too small for {TITLES[method]}:"):
             match(method, small[:, :2], small[:, :2])
 
 

@@ -53,6 +53,8 @@ def test_a_bad_named_method_is_refused_in_one_sentence(named, said):
 
 
 @pytest.mark.parametrize(("label", "shown"), [
-    ("bm", "StereoBM"), ("bm:window=7", "StereoBM:window=7"), ("mynet", "mynet"), ("own:bm", "own:bm")])
+    ("bm", "StereoBM"), ("bm:window=7", "StereoBM window=7"),
+    ("sgbm:window=7:disparities=64", "SGBM window=7 disparities=64"), ("mynet", "mynet"), ("own:bm", "own:bm"),
+    (r"onnx:model=C:\net.onnx", r"onnx model=C:\net.onnx")])
 def test_the_window_names_methods_as_its_ticks_do(label, shown):
     assert describe_method(label) == shown

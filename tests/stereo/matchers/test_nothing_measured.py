@@ -28,7 +28,7 @@ def test_a_network_without_a_number_is_an_error(value, what, monkeypatch):
     network = SimpleNamespace(OPTIONS={}, compute=lambda left, *_: Result(np.full(left.shape[:2], value, np.float32)))
     monkeypatch.setattr(matchers, "_import_matcher", lambda method: network)
     monkeypatch.setattr(matchers, "complete_options", lambda method, options: {})
-    with pytest.raises(IcyMoonError, match=f"igev gave no pixel {what}; its checkpoint or program is damaged"):
+    with pytest.raises(IcyMoonError, match=f"IGEV-Stereo gave no pixel {what}; its checkpoint or program is damaged"):
         match("igev", IMAGE, IMAGE)
 
 

@@ -213,7 +213,7 @@ def test_networks_run_in_full_single_precision_and_failures_are_one_sentence():
         assert torch.backends.cudnn.enabled
         assert not torch.backends.cudnn.allow_tf32
         assert torch.is_inference_mode_enabled()
-    failed = pytest.raises(IcyMoonError, match=r"igev failed in PyTorch \(.*size")
+    failed = pytest.raises(IcyMoonError, match=r"IGEV-Stereo failed in PyTorch \(.*size")
     with failed as caught, learned.guard_inference("igev"):
         torch.zeros(2) + torch.zeros(3)
     assert "\n" not in str(caught.value)

@@ -32,12 +32,12 @@ def test_what_noise_decides_is_said_with_the_difference_that_it_hides():
     assert "decides the result in 2 of 6 pairs" in decided
     assert "less than 21 % of the pixels" in decided
     assert "may differ by noise alone; raise quality.samples" in decided
-    assert noisy.startswith("1 of 6 pairs are noisy")
+    assert noisy.startswith("The render is noisy in 1 of 6 pairs:")
     assert not with_noise((CLEAN, 0.001))
 
 
 def test_of_one_pair_no_number_is_stated():
-    for verdict, words in ((DECIDES, "Noise of the render decides the result: "), (NOISY, "The pair is noisy: ")):
+    for verdict, words in ((DECIDES, "Noise of the render decides the result: "), (NOISY, "The render is noisy: ")):
         notes = Notes(parse_methods("bm"))
         part = {"share": 0.5, "noise_dn": 3.0, "hidden": 0.1}
         notes.add_pair({"noise": {"verdict": verdict, "lit": part, "shadow": part, "doubt": 0.2}})
@@ -72,7 +72,7 @@ def test_a_brief_note_names_the_whole_method():
     notes = Notes(parse_methods("bm:window=21"))
     notes.add({"pair": "p", "method": "bm:window=21", "search": search(0.3), "options": {}})
     note, = notes.found()
-    assert note.brief == "bm:window=21 cannot measure everything"
+    assert note.brief == "StereoBM window=21 cannot measure everything"
     assert note.sentence == f"{note.brief}: {note.detail}"
 
 

@@ -152,7 +152,7 @@ def test_advice_claims_nothing_within_noise():
     assert not any("within 0.01 px:" in line or "within 0.02 px:" in line for line in words)
     assert "noise hides here which variants are within 0.01 px or 0.02 px" in " ".join(words)
     # A fiftieth less time is none: the scene as it is described does as well.
-    assert words[0].startswith("sgbm, within 0.05 px: “as described”")
+    assert words[0].startswith("SGBM, within 0.05 px: “as described”")
     assert words[-1] == "bounces: no variant is cheaper without changing the images; leave it as it is."
 
 
@@ -164,9 +164,9 @@ def test_advice_for_all_matchers_comes_first():
         each["loss"]["bm"]["epe_px"] = loss
     words = variant_advice(rows, ["sgbm", "bm"])
     assert words[0].startswith("all matchers, within 0.01 px: “as described”, 10.0 CPU seconds a pair, adds at most")
-    assert words[0].endswith("+0.005 ± 0.001 px, of bm.")
+    assert words[0].endswith("+0.005 ± 0.001 px, of StereoBM.")
     assert "all matchers, within 0.1 px: “8 samples”" in words[1]
-    assert "sgbm, within 0.05 px: “8 samples”" in " ".join(words)
+    assert "SGBM, within 0.05 px: “8 samples”" in " ".join(words)
 
 
 def test_advice_reports_fewer_measured_pixels():
@@ -329,7 +329,7 @@ def test_the_advice_is_the_cheapest_variant_with_the_same_decisions():
     assert "1.0 ± 1.0 % of the cells otherwise" in line
     assert "tells little" not in line
     line, = decision_advice([{**decided("as described", 9.0, True, 0.0), "group": "scene"}], ["bm"], [reference])
-    assert "but bm found no safe site on the reference" in line
+    assert "but StereoBM found no safe site on the reference" in line
     alone = [rows[1], {**rows[1], "group": "scene"}]
     assert "no variant" in decision_advice(alone, ["bm"], [reference])[0]
     reference["own_decisions"]["bm"]["same"] = False
