@@ -108,7 +108,7 @@ def examine_kernels(kernels: str) -> list[Finding]:
                         "Give a meta-kernel or a folder of kernels, or leave it empty.")]
     if importlib.util.find_spec("spiceypy") is None:
         return [Finding("SPICE kernels", "limited", f"{kernels}, but this Python has no SpiceyPy",
-                        "Install icymoon[ephemeris] in the Python that renders.")]
+                        'In the Python that renders: pip install "icymoon[ephemeris]".')]
     return [Finding("SPICE kernels", "ok", kernels)]
 
 

@@ -121,7 +121,7 @@ def _render_in_mitsuba(folder: Path, samples: int) -> tuple[np.ndarray, np.ndarr
     Mitsuba ends its process if it does not get on with LLVM. Raises IcyMoonError if it is not installed or fails.
     """
     if importlib.util.find_spec("mitsuba") is None:
-        raise IcyMoonError("Mitsuba is not installed; run pip install 'icymoon[validate]'.")
+        raise IcyMoonError('Mitsuba is not installed; run pip install "icymoon[validate]".')
     script = ROOT / "stereo" / "adapters" / "mitsuba_render.py"
     scene = folder / "scene_left.xml"
     done = run([sys.executable, str(script), str(scene), str(samples)], clean_environment(), timeout_s=_LIMIT_S)
@@ -220,7 +220,7 @@ def _export_all(bench: Bench) -> Iterator[tuple[Scene, Pair, Path]]:
 
 def _compare(bench: Bench) -> list[Row]:
     if importlib.util.find_spec("mitsuba") is None:
-        raise IcyMoonError("Mitsuba is not installed; run pip install 'icymoon[validate]'.")
+        raise IcyMoonError('Mitsuba is not installed; run pip install "icymoon[validate]".')
     from ..stereo.images.exr import read_view  # which needs OpenEXR
 
     rows, radiance = [], {}

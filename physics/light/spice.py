@@ -1,6 +1,6 @@
 """Where Sun and planet stand over a site at a date, from the user's SPICE kernels.
 
-Needs SpiceyPy (``pip install icymoon[ephemeris]``), which Blender's Python does not have; it is loaded
+Needs SpiceyPy (``pip install "icymoon[ephemeris]"``), which Blender's Python does not have; it is loaded
 only when kernels are asked for. Kernels: leap seconds (naif0012.tls), constants (pck00011.tpc), the
 planets (de440s.bsp) and the moon's system (sat441.bsp, jup365.bsp).
 """

@@ -33,7 +33,7 @@ def write_parquet_index(each: Each, out: Path) -> None:
         import pyarrow.parquet as parquet
     except ImportError as error:
         raise IcyMoonError(f"The export parquet-index needs the package pyarrow ({error}); pip install "
-                           "icymoon[parquet].") from None
+                           '"icymoon[parquet]".') from None
 
     rows: list[dict[str, Any]] = []
     described: list[Settings] = []

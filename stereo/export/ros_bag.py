@@ -35,7 +35,7 @@ def write_ros2(each: Each, out: Path) -> None:
     Raises IcyMoonError without the package rosbags, and if there is a bag already.
     """
     if importlib.util.find_spec("rosbags") is None:
-        raise IcyMoonError("The export ros2 needs the package rosbags; pip install icymoon[ros].")
+        raise IcyMoonError('The export ros2 needs the package rosbags; pip install "icymoon[ros]".')
     from rosbags.rosbag2 import StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 

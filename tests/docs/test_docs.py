@@ -15,6 +15,7 @@ from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import preset_files
 from icymoon.stereo.datasets.plain_folder import parse_pairs_toml
 from icymoon.version import ROOT, version
+from sources import SOURCES
 
 import commands
 
@@ -104,6 +105,15 @@ def test_commands_for_powershell_are_understood(block):
 @pytest.mark.parametrize("code", [". .venv/bin/activate", "for a in 1 2; do", "make demo", "python a \\\n  b"])
 def test_what_only_sh_understands_is_found(code):
     assert ONLY_SH.search(code)
+
+
+def test_extras_of_a_package_are_in_quotes():
+    """A shell takes brackets for a pattern of file names, and zsh then runs nothing."""
+    texts = manual.pages() | {path.name: path.read_text(encoding="utf-8") for path in SOURCES}
+    bare = re.compile(r"pip install\b[^\n`]*? [\w.-]+\[|\binstall it with: [\w.]+\[")
+    assert {name: found[0] for name, text in texts.items() if (found := bare.search(text))} == {}
+    assert bare.search("pip install icymoon[ros]")
+    assert not bare.search('pip install -e ".[blender,evaluate]"')
 
 
 @pytest.mark.parametrize("block", [b for b in BLOCKS if b.language], ids=str)
