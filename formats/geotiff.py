@@ -85,6 +85,11 @@ class Site:
     size_m: float
 
 
+#: How a point of the site's frame goes back to its map, for files that state a ``MapPlace``.
+MAP_FORMULA = ("map x = (origin[0] + x / scale[0]) / unit_m, map y = (origin[1] + y / scale[1]) / unit_m, height of "
+               "the file in metres = z + height_zero_m")
+
+
 @dataclass(frozen=True)
 class MapPlace:
     """Where the origin of the site is on a map, and the scale there.

@@ -101,7 +101,7 @@ def write_geometry(built: Built, scene: bpy.types.Scene, folder: Path, kind: str
     The planet, its rings and stars are left out: they are no geometry of the site. Relief that is shading only, which
     no depth has, is named under ``left_out``.
     """
-    facts = frame_facts(built.settings)
+    facts = frame_facts(built.settings, built.ground.get("map"))
     if kind == "dem":
         made = make_ground_map(built, scene, folder, cell_m)
         facts |= write_map(made, built.settings, folder) | {"left_out": _left_out_of_maps(built.settings)}

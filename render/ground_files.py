@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..files import write_atomically
+from ..formats.geotiff import MAP_FORMULA
 from ..formats.placed_meshes import PlacedMesh, by_kind, write_gltf, write_obj, write_ply, write_usd
 from ..formats.tiff_write import Place, encode_tiff
 from ..typed_settings import Settings
@@ -33,10 +34,12 @@ def describe_frame(settings: Settings) -> str:
             "origin at the origin of the site")
 
 
-def frame_facts(settings: Settings) -> dict[str, Any]:
-    """The site's frame, for a file beside those of the ground."""
-    return {"frame": describe_frame(settings), "axes": _AXES, "unit": "m",
-            "height_zero": "the plane z = 0 of the ground's settings or file, not a datum of the body"}
+def frame_facts(settings: Settings, place: dict[str, Any] | None) -> dict[str, Any]:
+    """The site's frame, for a file beside those of the ground; ``place`` is where it lies on a map, if on any."""
+    zero = (f"the height {place['height_zero_m']!r} m of the ground's file" if place else
+            "the plane z = 0 of the ground's settings or file, not a datum of the body")
+    return {"frame": describe_frame(settings), "axes": _AXES, "unit": "m", "height_zero": zero,
+            **({"map": place | {"formula": MAP_FORMULA}} if place else {})}
 
 
 def write_map(made: GroundMap, settings: Settings, folder: Path) -> dict[str, Any]:

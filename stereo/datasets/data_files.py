@@ -28,8 +28,11 @@ MOST_TEXT = 2**20
 _NPY, _ZIP = b"\x93NUMPY", b"PK\x03\x04"
 _TIFFS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _AGAIN = "make it again"
-#: Channels of an EXR file that hold a map, the likeliest first; others only if the file has a single one.
-_CHANNELS = ("disparity", "depth", "Z", "Y", "V", "R")
+#: How layers, passes or channels of an EXR file that hold a map are called, the likeliest first; then components that
+#: do in other passes than those of directions, places, colours and labels.
+_MAPS, _COMPONENTS = ("disparity", "depth"), ("Z", "Y", "V", "R")
+_NO_MAPS = ("normal", "position", "vector", "uv", "image", "combined", "rgb", "colour", "color", "diff", "gloss", "emit",
+            "index", "crypto", "shadow", "ao", "mist")
 #: Steps per pixel of 16-bit PNG files of disparities, after KITTI.
 PNG_STEPS = 256.0
 
@@ -187,12 +190,21 @@ def _parse_exr(foreign: ForeignBytes, path: Path) -> np.ndarray:
 
 
 def choose_channel(names: Sequence[str]) -> str:
-    """The channel of an EXR file that holds the map. Raises RefusedError if several may."""
+    """The channel of an EXR file that holds the map: one of a layer or pass that is called so, else one whose own name
+    is usual for a map. Raises RefusedError if several may, or none.
+
+    A component such as Z is a depth in a pass called Depth, and a direction in one called Normal or Position.
+    """
     if len(names) == 1:
         return names[0]
-    for word in _CHANNELS:
+    for word in _MAPS:
         for name in names:
-            if name.split(".")[-1] == word:
+            if any(part.lower().startswith(word) for part in name.split(".")):
+                return name
+    for word in _COMPONENTS:
+        for name in names:
+            *layers, own = name.split(".")
+            if own == word and not any(layer.lower().startswith(_NO_MAPS) for layer in layers):
                 return name
     raise RefusedError(f"has the channels {shorten(', '.join(names))}; name the one with the map Z.")
 

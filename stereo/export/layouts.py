@@ -30,6 +30,7 @@ import numpy as np
 
 from ...errors import DiskError, IcyMoonError, describe_error
 from ...files import escape_cell, write_atomically, write_json, write_text
+from ...formats.geotiff import MAP_FORMULA
 from ...labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
 from ...plugins.installed import Plugin
 from ...render.pairs.pair_folder import EYES, StereoCamera
@@ -68,6 +69,7 @@ def export(paths: Sequence[Path], kind: str, out: Path,
     pairs = _Pairs(distinct_pairs(paths), response or {}, on_event)
     write = FORMATS.get(kind) or _of_plugin(find_plugins().usable[kind])
     write(pairs.write_each, out)
+    pairs.write_map_places(out)
     for sentence in pairs.losses.sentences(pairs.written):
         on_event({"type": "warning", "message": sentence})
     return pairs.failed
@@ -98,6 +100,7 @@ class _Pairs:
         self._folders, self._response, self._tell = folders, response, on_event
         self.failed: list[str] = []
         self.losses, self.written = Losses(), 0
+        self._places: dict[str, Any] = {}
 
     def write_each(self, write: Write) -> None:
         """Read each pair and let ``write`` write it. Raises DiskError if the disk refuses."""
@@ -113,6 +116,8 @@ class _Pairs:
             try:
                 self.losses.add(pair, write(pair) or ())
                 self.written += 1
+                if place := (pair.pair.data.get("ground") or {}).get("map"):
+                    self._places[pair.pair.folder.name] = place
             except DiskError:
                 raise
             except Exception as error:
@@ -120,6 +125,11 @@ class _Pairs:
                 continue
             self._tell({"type": "progress", "fraction": done / len(self._folders), "done": done,
                         "total": len(self._folders), "message": folder.name})
+
+    def write_map_places(self, out: Path) -> None:
+        """Write ``map_coordinates.json`` if the ground of any pair is from a map: where their frames lie on it."""
+        if self._places:
+            write_json(out / "map_coordinates.json", {"formula": MAP_FORMULA, "pairs": self._places})
 
     def _tell_failure(self, error: Exception, folder: Path) -> None:
         self.failed.append(describe_error(error, folder))

@@ -9,6 +9,7 @@ import json
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from icymoon.commands.cli import main
 from icymoon.version import ROOT
@@ -68,3 +69,56 @@ def test_two_cameras_are_a_rig(tmp_path, capsys, number, names, focal_mm):
     assert (float(shown["distortion_k1"]), float(shown["distortion_k2"])) == (-0.05, 0.01)
     centre = (509.1 + 515.4) / 2 - 511.5 if number == 24 else 0.0
     assert float(shown["principal_x_px"]) == pytest.approx(centre, abs=1e-6)
+
+
+def test_05_a_depth_is_never_a_normal(tmp_path, capsys):
+    status, report, _ = evaluated(case(5, tmp_path), tmp_path / "out", capsys)
+    assert status == 0
+    assert rows_of(report)["sgbm"]["epe_px"] < 0.5
+    assert 3.2 < report["pairs"][0]["depth_m"][0] < 3.4
+
+
+@pytest.mark.parametrize("number", [16, 17, 19])
+def test_files_of_other_programs_are_read(tmp_path, capsys, number):
+    """16: bytes behind the end of a JPEG; 17: PFM with line ends of Windows; 19: disparities of 8 bits."""
+    status, report, _ = evaluated(case(number, tmp_path), tmp_path / "out", capsys)
+    assert status == 0
+    assert rows_of(report)["sgbm"]["total_bad_1"] == pytest.approx(0.077, abs=0.003)
+
+
+def built(folder: Path, *settings: str):
+    """A scene on the height map of a case, and its warnings."""
+    from icymoon.nodes.scene import build
+    from icymoon.settings import description, preset_files
+    from rendering import empty_scene
+
+    stated = ("source.kind=HEIGHT_MAP", f"source.file={folder / 'dem.tif'}", *settings)
+    presets = (preset_files.load_preset(name) for name in ("europa_rough_ice", "qualities/draft"))
+    return build(empty_scene(), description.merged(
+        description.defaults(), *presets,
+        {"mesh": {"kind": "GRID"}, "terrain": {"resolution": 65}, "rocks": {"coverage": 0.0}},
+        *(description.override(text) for text in stated)))
+
+
+def ground_of(scene) -> np.ndarray:
+    vertices = np.empty(3 * len(scene.terrain.data.vertices))
+    scene.terrain.data.vertices.foreach_get("co", vertices)
+    return vertices.reshape(-1, 3)
+
+
+def test_09_a_web_map_at_60_degrees_has_its_slope(tmp_path):
+    x, y, z = ground_of(built(case(9, tmp_path), "terrain.size_m=40")).T
+    rise, *_ = np.linalg.lstsq(np.stack([x, y, np.ones_like(x)], axis=1), z, rcond=None)[0]
+    steepest = np.hypot(rise, np.linalg.lstsq(np.stack([x, y, np.ones_like(x)], axis=1), z, rcond=None)[0][1])
+    assert np.degrees(np.arctan(steepest)) == pytest.approx(26.6, abs=0.3)
+
+
+def test_11_missing_heights_without_a_mark_are_no_pit(tmp_path):
+    scene = built(case(11, tmp_path), "terrain.size_m=2000")
+    assert "9 pixels of exactly -9999" in " ".join(scene.warnings)
+    assert np.ptp(ground_of(scene)[:, 2]) < 1000
+
+
+def test_13_a_site_in_a_map_of_a_region_is_built(tmp_path):
+    scene = built(case(13, tmp_path), "terrain.size_m=4000")
+    assert np.ptp(ground_of(scene)[:, 0]) == pytest.approx(4000, rel=1e-3)

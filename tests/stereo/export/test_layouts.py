@@ -301,3 +301,17 @@ def test_errors_are_one_sentence(tmp_path, words, reason):
     assert reason in result.stderr
     assert len(result.stderr.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_the_place_on_a_map_is_in_every_export(tmp_path):
+    for name in ("mapped", "plain"):
+        pairs.write_pair(tmp_path / "set" / "pairs" / name)
+    file = tmp_path / "set" / "pairs" / "mapped" / "pair.json"
+    place = {"crs": "EPSG:32633", "unit_m": 1.0, "origin": [500000.0625, 4649990.123456789], "scale": [1.0, 1.0],
+             "height_zero_m": 1234.5}
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"ground": {"map": place}}), encoding="utf-8")
+    export([tmp_path / "set"], "pfm", tmp_path / "out")
+    found = json.loads((tmp_path / "out" / "map_coordinates.json").read_text(encoding="utf-8"))
+    assert found["pairs"] == {"mapped": place}
+    export([tmp_path / "set" / "pairs" / "plain"], "pfm", tmp_path / "plain")
+    assert not (tmp_path / "plain" / "map_coordinates.json").exists()

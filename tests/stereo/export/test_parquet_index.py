@@ -41,6 +41,6 @@ def test_rows_lead_to_the_pairs_and_can_be_chosen_by_what_varies(dataset, tmp_pa
 
 def test_without_pyarrow_it_is_a_sentence(dataset, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(IcyMoonError, match=r"pip install icymoon\[parquet\]"):
+    with pytest.raises(IcyMoonError, match=r'pip install "icymoon\[parquet\]"'):
         export([dataset], "parquet-index", tmp_path / "index")
     assert not (tmp_path / "index").exists()
