@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 
 from ..errors import IcyMoonError
+from ..file_shapes import TABLE, TEXT, Each
 from ..settings.description import merged
 from ..settings.table import LANDFORMS, TOPICS
 from ..typed_settings import Parts, Settings, typed
@@ -27,6 +28,7 @@ from .datablocks.fingerprint import (
     updated_marks,
 )
 from .datablocks.marks import hashed
+from .datablocks.stored_json import parse_stored, read_stored
 from .light.scene_lights import ROLES, SKY
 from .remove import materials_of, with_parts
 from .surface import reflectance_laws
@@ -43,6 +45,8 @@ EXCAVATION = "icymoon_excavation"  # what was dug, see ``physics.excavation.dig`
 PREVIEW = "icymoon_preview"  # settings that are shown as a preview, not as Build Scene would show them
 REFINED = "icymoon_refined"  # geometry of the settings that will follow a coarse ground at full resolution
 NOTES = "icymoon_notes"  # why some settings are not shown
+#: Tables by topic; the marks of parts by their names.
+TABLES, _MARKS = Each(TABLE, TEXT), Each(TEXT, TEXT)
 #: Settings that shape the ground.
 _SHAPING = [(topic.key, setting.key) for topic in TOPICS.values() for setting in topic.settings
             if setting.effect == "geometry" and topic.key != "rocks"]
@@ -63,18 +67,18 @@ class Built:
     @property
     def ground(self) -> dict[str, Any]:
         """For a ground from a file, the ``report`` of its import; otherwise empty."""
-        return dict(json.loads(self.collection.get(GROUND, "{}")))
+        return dict(read_stored(self.collection, GROUND, TABLE))
 
     @property
     def statistics(self) -> dict[str, Any]:
         """What was asked of ground built from ``terrain`` settings and what was made, at ``baseline_m``; empty for
         other ground."""
-        return dict(json.loads(self.collection.get(STATISTICS, "{}")))
+        return dict(read_stored(self.collection, STATISTICS, TABLE))
 
     @property
     def excavation(self) -> dict[str, Any]:
         """Volumes and masses of an excavation in its state; empty without one."""
-        return dict(json.loads(self.collection.get(EXCAVATION, "{}")))
+        return dict(read_stored(self.collection, EXCAVATION, TABLE))
 
     @property
     def site_m(self) -> float:
@@ -110,14 +114,14 @@ class Built:
         """The marks of the scene as it was built. Raises IcyMoonError if they cannot be compared with present marks."""
         if self.outdated:
             raise IcyMoonError(self.outdated)
-        return dict(json.loads(self.collection[FINGERPRINT]))
+        return dict(read_stored(self.collection, FINGERPRINT, _MARKS))
 
     @property
     def outdated(self) -> str:
         """Why Icy Moon cannot detect edits by hand, in a sentence; empty if it can."""
         if why := engine.why_unavailable():  # marks include the settings of Cycles
             return why
-        if json.loads(self.collection[FINGERPRINT]).get(MAKER) == maker():
+        if read_stored(self.collection, FINGERPRINT, _MARKS).get(MAKER) == maker():
             return ""
         return ("The scene was built by another version of Icy Moon or Blender, so edits by hand cannot be detected; "
                 "press Build Scene to build it again.")
@@ -152,7 +156,7 @@ class Built:
     @property
     def sky(self) -> dict[str, Any]:
         """Positions and brightness of the lights, see ``physics.light.sky.sky_facts``."""
-        return dict(json.loads(self.sun.get(SKY, "{}")))
+        return dict(read_stored(self.sun, SKY, TABLE))
 
     @property
     def several_lights(self) -> bool:
@@ -168,13 +172,13 @@ class Built:
     @property
     def preview(self) -> Settings:
         """Settings that are shown as a preview, in place of those of ``settings``; empty if there are none."""
-        return typed(json.loads(self.collection.get(PREVIEW, "{}")))
+        return typed(read_stored(self.collection, PREVIEW, TABLES))
 
     def remember(self, settings: Settings, preview: Parts, *changed: str) -> None:
         """Store the settings that the scene shows now, and new marks of the ``changed`` parts or roles."""
         self.settings = merged(settings)
         self.collection[SETTINGS], self.collection[PREVIEW] = json.dumps(self.settings), json.dumps(preview)
-        known = json.loads(self.collection[FINGERPRINT])
+        known = read_stored(self.collection, FINGERPRINT, _MARKS)
         self.collection[FINGERPRINT] = json.dumps(updated_marks(self.collection, known, *changed))
 
 
@@ -194,7 +198,7 @@ def find(scene: bpy.types.Scene) -> Built | None:
     roles = built_objects(collection)
     if not {"terrain", "sun", "camera"} <= roles.keys():
         return None
-    return Built(collection, roles["terrain"], roles["sun"], roles["camera"], typed(_parsed(collection[SETTINGS])),
+    return Built(collection, roles["terrain"], roles["sun"], roles["camera"], typed(_read_settings(collection)),
                  scene)
 
 
@@ -231,15 +235,21 @@ def shows_earlier_ground(scene: bpy.types.Scene, settings: Settings) -> bool:
     collection = find_collection(scene)
     if collection is None or SETTINGS not in collection:
         return False
-    known = _parsed(collection[SETTINGS])
+    known = _read_settings(collection)
     return collection.get(PREVIEW, "{}") != "{}" or any(
         known.get(topic, {}).get(key) != settings[topic][key] for topic, key in _SHAPING)
 
 
+def _read_settings(collection: bpy.types.Collection) -> Settings:
+    """The settings that a scene was built from. Do not change them."""
+    text = collection[SETTINGS]
+    return _parsed(text if isinstance(text, str) else "", f"{collection.name}: the property {SETTINGS}")
+
+
 @lru_cache(maxsize=4)
-def _parsed(text: str) -> Settings:
-    """Settings from their text, read once, since the window asks at every redraw. Do not change them."""
-    return typed(json.loads(text))
+def _parsed(text: str, where: str) -> Settings:
+    """Settings from their text, read once, since the window asks at every redraw."""
+    return typed(parse_stored(text, where, TABLES))
 
 
 def _adds_to_roughness(settings: Settings) -> bool:

@@ -16,6 +16,7 @@ import bpy
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..file_shapes import TABLE, TEXT, Each
 from ..physics import refused_scenes
 from ..physics.arm.parametric import JOINTS
 from ..physics.excavation.jitter import jittered_rig
@@ -34,6 +35,7 @@ from . import painted_errors
 from . import scene as scenes
 from .datablocks.blend_file_paths import with_absolute_files
 from .datablocks.fingerprint import TAG, built_objects, instanced_objects
+from .datablocks.stored_json import read_stored
 from .ground.heights_under import probe_heights
 from .ground.rocks import build_rocks, parts_of
 from .ground.terrain_mesh import SPACING, fill_mesh, grid, leave_unmoved
@@ -62,8 +64,8 @@ def notes(scene: bpy.types.Scene) -> list[str]:
     collection = scenes.find_collection(scene)
     if collection is None:
         return []
-    sentences: list[str] = json.loads(collection.get(scenes.NOTES, "[]"))
-    previewed = json.loads(collection.get(scenes.PREVIEW, "{}"))
+    sentences: list[str] = read_stored(collection, scenes.NOTES, Each(TEXT), "[]")
+    previewed = read_stored(collection, scenes.PREVIEW, Each(TABLE, TEXT))
     if not previewed or sentences:
         return sentences
     turned = set(previewed) == {"rig"} and not set(previewed["rig"]).isdisjoint(fine_relief.OF_THE_RIG)

@@ -14,7 +14,9 @@ from typing import Any
 import bpy
 
 from .. import compat
+from ..file_shapes import TEXT, Each, Kind
 from ..nodes import scene as scenes
+from ..nodes.datablocks.stored_json import read_stored
 from ..physics.scene_requirements import clear_rocks
 from ..render import cycles_settings
 from ..settings import description
@@ -31,6 +33,8 @@ _FIRST = "view_settings.view_transform"
 #: Light paths per pixel of a 3D View at most. With Blender's 1024, a view without a graphics card takes all processors
 #: for minutes, also those that a pair is rendered with meanwhile.
 _VIEW_SAMPLES = 64
+#: A value before and after it was changed.
+_TWO = Kind("two values", lambda value: isinstance(value, list) and len(value) == 2)
 _VALUES = ("BOOLEAN", "INT", "FLOAT", "ENUM", "STRING")
 
 
@@ -72,11 +76,11 @@ def restore_render(scene: bpy.types.Scene, collection: bpy.types.Collection) -> 
         del item[HIDDEN]
         item.hide_render = False
     present = _values_of(scene)
-    noted = json.loads(collection.get(NOTE, "{}"))
+    noted = read_stored(collection, NOTE, Each(_TWO, TEXT))
     for name, (before, after) in sorted(noted.items(), key=lambda each: each[0] != _FIRST):
         if present.get(name) == after:
             group, _, key = name.partition(".")
-            with suppress(TypeError):  # a choice that this Blender does not have
+            with suppress(TypeError, ValueError, OverflowError):  # a choice that this Blender does not have
                 setattr(getattr(scene, group), key, before)
 
 

@@ -16,10 +16,14 @@ import numpy as np
 from mathutils import Vector
 
 from ... import compat
+from ...file_shapes import NUMBER, Each
 from ...physics.light.planetshine import Planet, ellipsoid, lit_chords, mean_direction, unshaded_share
+from ..datablocks.stored_json import read_stored
 from ..tree.builder import Tree
 
 SHAPE = "icymoon_shape"  # property of the lamp: inputs of ``hapke.osl`` on the planet, without its radiance
+_INPUTS = {"PlanetLit": NUMBER, "PlanetRadius": NUMBER, "PlanetStretch": NUMBER, **dict.fromkeys(
+    ("PlanetAcross", "PlanetDirection", "PlanetObserver", "PlanetPole", "PlanetSun"), Each(NUMBER))}
 MEAN = "icymoon_mean"  # property of the lamp: the mean direction of its light
 
 
@@ -60,7 +64,7 @@ def planet_inputs(shine: bpy.types.Object | None) -> dict[str, Any]:
                 "PlanetObserver": (0.0, 0.0, -2.0), "PlanetPole": (0.0, 0.0, 1.0), "PlanetStretch": 0.0,
                 "PlanetSun": (0.0, 0.0, 1.0), "PlanetAcross": (1.0, 0.0, 0.0), "PlanetLit": 1.0}
     full = shine.data.energy / (math.pi * math.sin(shine.data.angle / 2) ** 2)
-    return {"PlanetRadiance": (*(full * band for band in shine.data.color), 1.0), **json.loads(shine[SHAPE])}
+    return {"PlanetRadiance": (*(full * band for band in shine.data.color), 1.0), **read_stored(shine, SHAPE, _INPUTS)}
 
 
 def _add_sunlit(tree: Tree, planet: Planet) -> Any:

@@ -1,6 +1,7 @@
 """The measured surface in world axes, and the PLY file that brings it into Blender."""
 
 import json
+from contextlib import suppress
 
 import numpy as np
 import pairs

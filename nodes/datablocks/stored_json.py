@@ -1,0 +1,30 @@
+"""JSON that we have stored in custom properties of a .blend file, which anyone may have changed or made."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ...errors import IcyMoonError
+from ...file_shapes import Shape, check_record
+from ...support.foreign_bytes import MOST_TEXT, parse_json
+
+_FIX = "press Build Scene to build it again"
+
+
+def read_stored(owner: Any, key: str, shape: Shape, absent: str = "{}") -> Any:
+    """The content of the property ``key`` of a data-block, of this shape; ``absent`` is the text where there is none.
+
+    Raises IcyMoonError for anything else.
+    """
+    return parse_stored(owner.get(key, absent), f"{owner.name}: the property {key}", shape)
+
+
+def parse_stored(text: object, where: str, shape: Shape) -> Any:
+    """The content of a text of this shape; ``where`` names it. Raises IcyMoonError for anything else."""
+    try:
+        if not isinstance(text, str) or len(text) > MOST_TEXT:
+            raise ValueError("it is no text, or too long")
+        data = parse_json(text)
+    except ValueError as error:
+        raise IcyMoonError(f"{where} is damaged ({error}); {_FIX}.") from None
+    return check_record(data, shape, where, _FIX)
