@@ -17,7 +17,7 @@ from typing import Any
 from .errors import IcyMoonError
 from .files import read_text
 from .suggestions import nearest
-from .support.foreign_bytes import parse_json
+from .support.foreign_bytes import MOST_TEXT, ForeignBytes, parse_json, read
 from .system import name_fault
 
 
@@ -156,25 +156,30 @@ def read_number_lines(path: Path, columns: Sequence[str], setting: str,
     Raises IcyMoonError if the file that ``setting`` names cannot be read, lacks a column, or has more lines than
     ``most``, of which no more are read.
     """
-    found: list[tuple[int, list[float] | None]] = []
-    try:
-        with path.open(encoding="utf-8-sig") as lines:
-            heads = [head.strip() for head in lines.readline().split(",")]
-            for column in columns:
-                if column not in heads:
-                    raise IcyMoonError(f"{path}: has no column {column}, {nearest(column, heads)} Its first line must "
-                                       f"name the columns {', '.join(columns)}.")
-            places = [heads.index(column) for column in columns]
-            for number, line in enumerate(lines, 2):
-                if not line.strip():
-                    continue
-                if len(found) == most:
-                    raise IcyMoonError(f"{path}: has more than {most} lines of numbers; leave out those that lie "
-                                       "evenly between their neighbours.")
-                found.append((number, _numbers_at(line.split(","), places)))
-    except (OSError, UnicodeDecodeError) as error:
-        raise IcyMoonError(f"{path}: cannot be read ({error}); check {setting}.") from None
-    return found
+    def parse(foreign: ForeignBytes) -> list[tuple[int, list[float] | None]]:
+        found: list[tuple[int, list[float] | None]] = []
+        places: list[int] = []
+        for number, line in enumerate(foreign.text().split("\n"), 1):
+            cells = line.split(",")
+            if number == 1:
+                places = _find_columns(path, [head.strip() for head in cells], columns)
+            elif line.strip() and len(found) == most:
+                raise IcyMoonError(f"{path}: has more than {most} lines of numbers; leave out those that lie "
+                                   "evenly between their neighbours.")
+            elif line.strip():
+                found.append((number, _numbers_at(cells, places)))
+        return found
+
+    return read(path, parse, "a table of numbers", f"check {setting}", MOST_TEXT)
+
+
+def _find_columns(path: Path, heads: Sequence[str], columns: Sequence[str]) -> list[int]:
+    """The places of columns by the first line of a table. Raises IcyMoonError for one that is not there."""
+    for column in columns:
+        if column not in heads:
+            raise IcyMoonError(f"{path}: has no column {column}, {nearest(column, heads)} Its first line must name the "
+                               f"columns {', '.join(columns)}.")
+    return [heads.index(column) for column in columns]
 
 
 def _numbers_at(cells: Sequence[str], places: Sequence[int]) -> list[float] | None:

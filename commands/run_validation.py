@@ -12,6 +12,7 @@ from ..files import json_text, write_text
 from ..stereo.environment import packages
 from ..suggestions import nearest
 from ..support import printer
+from ..support.foreign_bytes import MOST_TEXT, ForeignBytes, read
 from ..terminal import show_progress
 from ..validation.all_comparisons import load_comparisons
 from ..validation.comparison import AGREES, OFF, Bench, Comparison, Result, load_own_comparison, run_comparison
@@ -49,7 +50,7 @@ def run_validate(options: argparse.Namespace) -> int:
     write_text(out / "validation.json", json_text(report))
     write_text(out / "validation.md", "\n".join(markdown_section(result) for result in results))
     if options.page:
-        page = options.page.read_text(encoding="utf-8")
+        page = read(options.page, ForeignBytes.text, "a page", "give a Markdown file", MOST_TEXT)
         write_text(options.page, replace_sections(page, results))
     if options.json:
         printer.emit_json(report)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import IcyMoonError
-from ..files import write_atomically
+from ..files import read_checksum, write_atomically
 from ..formats.tiff_write import encode_tiff
 from ..number_text import count_of
 from ..physics.rocks.table import COLUMNS, TABLE, covered_share
@@ -51,7 +51,7 @@ class Input:
         if link := next((each for each in (path.parent, path) if each.is_symlink()), None):
             raise IcyMoonError(f"{link} is a link, and what a program gives is kept in the data set itself; remove the "
                                "link, or choose another folder.")
-        if not path.is_file() or path.read_bytes() != self.content:
+        if read_checksum(path) != hashlib.sha256(self.content).hexdigest():
             write_atomically(path, self._fill)
         return path
 
@@ -82,7 +82,7 @@ def sample_field(field: Field, x_m: np.ndarray, y_m: np.ndarray, what: str) -> n
                            "first.")
     if not np.isfinite(values).all():
         raise IcyMoonError(f"The array of {what} has {count_of(np.count_nonzero(~np.isfinite(values)), 'value')} "
-                           "that no number stands for, such as NaN; fill them.")
+                           "that are not finite; fill them.")
     return values
 
 

@@ -31,8 +31,8 @@ _AGAIN = "make it again"
 #: How layers, passes or channels of an EXR file that hold a map are called, the likeliest first; then components that
 #: do in other passes than those of directions, places, colours and labels.
 _MAPS, _COMPONENTS = ("disparity", "depth"), ("Z", "Y", "V", "R")
-_NO_MAPS = ("normal", "position", "vector", "uv", "image", "combined", "rgb", "colour", "color", "diff", "gloss", "emit",
-            "index", "crypto", "shadow", "ao", "mist")
+_NO_MAPS = ("normal", "position", "vector", "uv", "image", "combined", "rgb", "colour", "color", "diff", "gloss",
+            "emit", "index", "crypto", "shadow", "ao", "mist")
 #: Steps per pixel of 16-bit PNG files of disparities, after KITTI.
 PNG_STEPS = 256.0
 
