@@ -14,6 +14,7 @@ from ..files import absolute_path, sha256
 from ..formats import mesh_file, mesh_images
 from ..paper_stand_ins.items import RECIPE, items_of
 from ..physics.arm.own_arm import arm_files
+from ..physics.light.kernels import kernel_files
 from ..typed_settings import Settings
 from .table import TOPICS
 
@@ -71,7 +72,7 @@ def _parts(settings: Settings, name: str, path: Path) -> list[Path]:
         return [*mesh_file.find_geometry_files(path), *shown]
     if name == "lander.file":
         return arm_files(path)
-    return sorted(part for part in path.iterdir() if part.is_file()) if path.is_dir() else [path]
+    return kernel_files(path)
 
 
 @functools.lru_cache(maxsize=256)

@@ -16,6 +16,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from .ephemeris import Positions, days_since_j2000, local_axes
+from .kernels import find_kernels
 from .sunlight import AU_KM
 
 
@@ -28,8 +29,8 @@ def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg
               longitude_deg: float) -> Positions:
     """Sun and planet over a site, with light time and stellar aberration.
 
-    ``kernels`` is a meta-kernel, or a folder whose kernels are all loaded. ``body`` and ``parent`` are
-    names that SPICE knows. Raises IcyMoonError if SpiceyPy, a kernel or data for the date is missing.
+    ``kernels`` is a meta-kernel, or a folder whose kernels are all loaded, see ``kernels.find_kernels``. ``body`` and
+    ``parent`` are names that SPICE knows. Raises IcyMoonError if SpiceyPy, a kernel or data for the date is missing.
     """
     if not has_spice():
         raise IcyMoonError("This Python has no SpiceyPy, which light.kernels needs; install icymoon[ephemeris] in it "
@@ -41,7 +42,7 @@ def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg
     spice = importlib.import_module("spiceypy")
     try:
         # Both orders of loading work: which kernel wins matters only where two hold the same.
-        for path in sorted(kernels.iterdir()) if kernels.is_dir() else [kernels]:
+        for path in find_kernels(kernels):
             spice.furnsh(str(path))
         return _positions(spice, body.strip().upper(), parent.strip().upper(), date_utc, latitude_deg, longitude_deg)
     except spice.utils.exceptions.SpiceyError as error:

@@ -1,6 +1,7 @@
 """Where Sun and planet stand: against full theories, SPICE with kernels made here, and geometry."""
 
 import math
+import shutil
 import subprocess
 import sys
 
@@ -190,6 +191,17 @@ def test_spice_and_the_elements_agree(kernels):
         assert exact.planet_equator_km == found.planet_equator_km
         assert exact.planet_name == found.planet_name == "SATURN"
         np.testing.assert_allclose(exact.from_j2000, found.from_j2000, atol=1e-6)
+
+
+def test_the_folder_of_a_mac_and_a_meta_kernel_give_the_same_sky(kernels, tmp_path):
+    """What is no kernel is skipped, and names are relative to the meta-kernel, wherever the program runs."""
+    wanted = spice.positions(kernels, "ENCELADUS", "SATURN", DATE, 10.0, 20.0)
+    folder = shutil.copytree(kernels, tmp_path / "mac")
+    (folder / ".DS_Store").write_bytes(b"\0\0\0\1Bud1" + bytes(100))
+    (folder / "m.tm").write_text("KPL/MK\n\\begindata\nKERNELS_TO_LOAD = ( 'a.tls' 'b.tpc' 'c.bsp' )\n")
+    for given in (folder, folder / "m.tm"):
+        found = spice.positions(given, "ENCELADUS", "SATURN", DATE, 10.0, 20.0)
+        assert np.array_equal(found.sun, wanted.sun)
 
 
 def test_the_sky_of_a_date_and_of_kernels(kernels):

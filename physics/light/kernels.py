@@ -1,0 +1,188 @@
+"""Which files are SPICE kernels, and which ones a meta-kernel names, before SPICE opens them.
+
+Sources: NAIF's required readings "Kernel" (text kernels and meta-kernels) and "DAF" (binary kernels). A kernel is data
+of others: a meta-kernel may name files of its own folder only, and the records of a binary one must not lead in a ring.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from functools import lru_cache
+from pathlib import Path
+
+from ...errors import IcyMoonError
+from ...files import shorten
+from ...support.foreign_bytes import ForeignBytes, RefusedError, read
+
+#: Largest text kernel and largest binary one, in bytes; most files of a folder.
+_MOST_TEXT, _MOST_BINARY, _MOST_FILES = 2**25, 2**36, 2000
+_FIX = "get it again, or leave it out"
+_BINARY = (b"DAF/SPK", b"DAF/PCK", b"DAF/CK", b"NAIF/DAF")
+_DATA, _TEXT = b"\\begindata", b"\\begintext"
+#: Bytes of a record of a DAF, and of a double in it.
+_RECORD, _WORD = 1024, 8
+#: A token of the data of a text kernel. Each alternative takes every character once.
+_TOKEN = re.compile(rb"\s++|'((?:[^'\r\n]|'')*+)'|([()=,]|\+=)|([^\s()=,']++)")
+
+
+def find_kernels(path: Path) -> list[Path]:
+    """The kernels that a file or folder stands for, in the order in which they are loaded.
+
+    Of a folder all that are kernels, also in the folders directly in it; a meta-kernel stands for those that it names.
+    Raises IcyMoonError if there is none, if one is damaged, or if a meta-kernel names a file outside of its folder.
+    """
+    found: list[Path] = []
+    for file in kernel_files(path):
+        named = _look_at(file)
+        if named is None:
+            continue
+        found += [file] if not named else _named_kernels(file, named, path if path.is_dir() else None)
+    if not found:
+        raise IcyMoonError(f"{path} has no SPICE kernel; give a meta-kernel or a folder of kernels.")
+    return list(dict.fromkeys(found))
+
+
+def kernel_files(path: Path) -> list[Path]:
+    """The files that may be kernels: a file itself, or those of a folder and of the folders in it."""
+    if not path.is_dir():
+        return [path]
+    there = sorted(path.iterdir())
+    inner = [file for folder in there if folder.is_dir() for file in sorted(folder.iterdir()) if file.is_file()]
+    found = [*(file for file in there if file.is_file()), *inner]
+    if len(found) > _MOST_FILES:
+        raise IcyMoonError(f"{path} has {len(found)} files, more than {_MOST_FILES}; give a folder of kernels.")
+    return found
+
+
+def _look_at(path: Path) -> tuple[str, ...] | None:
+    """What ``_parse`` finds, once for each size and time of change."""
+    try:
+        state = path.stat()
+    except OSError as error:
+        raise IcyMoonError(f"{path} cannot be read ({error.strerror}); {_FIX}.") from None
+    return _read(path, state.st_size, state.st_mtime_ns)
+
+
+@lru_cache(maxsize=4096)
+def _read(path: Path, _size: int, _modified_ns: int) -> tuple[str, ...] | None:
+    return read(path, _parse, "a SPICE kernel", _FIX, most=_MOST_BINARY)
+
+
+def _parse(foreign: ForeignBytes) -> tuple[str, ...] | None:
+    """The names that a meta-kernel lists, none of another kernel; None for a file that is no kernel."""
+    head = foreign.part(0, min(foreign.size, _RECORD))
+    if head.startswith(_BINARY):
+        _check_binary(foreign, head)
+        return ()
+    if b"\0" in head or (foreign.size > _MOST_TEXT and not head.startswith(b"KPL/")):
+        return None
+    if foreign.size > _MOST_TEXT:
+        raise RefusedError(f"is a text kernel of {foreign.size / 1e6:.0f} MB, more than {_MOST_TEXT / 1e6:.0f}; "
+                           f"{_FIX}.")
+    data = _data_of(foreign)
+    return None if data is None else _listed(data)
+
+
+def _data_of(foreign: ForeignBytes) -> bytes | None:
+    """The lines of the data of a text kernel, None if it has no data."""
+    lines, is_data, any_data = [], False, False
+    for _, line in foreign.lines():
+        word = line.strip()
+        if word == _DATA:
+            is_data = any_data = True
+        elif word == _TEXT:
+            is_data = False
+        elif is_data:
+            lines.append(line)
+    return b"\n".join(lines) if any_data else None
+
+
+def _listed(data: bytes) -> tuple[str, ...]:
+    """The files in KERNELS_TO_LOAD, with the symbols of paths replaced."""
+    if b"KERNELS_TO_LOAD" not in data:
+        return ()
+    values: dict[bytes, list[bytes]] = {}
+    name, last, at = b"", b"", 0
+    while at < len(data):
+        found = _TOKEN.match(data, at)
+        if found is None:
+            raise ValueError("a text in quotes has no end in its line")
+        at = found.end()
+        text, sign, word = found.groups()
+        if sign in (b"=", b"+="):
+            name = last.removesuffix(b"+")
+            if sign == b"=" and not last.endswith(b"+"):
+                values[name] = []
+        elif text is not None:
+            values.setdefault(name, []).append(text.replace(b"''", b"'"))
+        elif word is not None:
+            last = word
+    symbols = dict(zip(values.get(b"PATH_SYMBOLS", []), values.get(b"PATH_VALUES", []), strict=True))
+    listed, before = [], b""
+    for part in values.get(b"KERNELS_TO_LOAD", []):
+        before += part.removesuffix(b"+")
+        if part.endswith(b"+"):  # the name goes on in the next text
+            continue
+        for symbol, value in symbols.items():
+            before = before.replace(b"$" + symbol, value)
+        listed.append(before.decode("utf-8", "replace"))
+        before = b""
+        if len(listed) > _MOST_FILES:
+            raise ValueError(f"it names more than {_MOST_FILES} kernels")
+    if not listed:
+        raise ValueError("it names no kernel in KERNELS_TO_LOAD")
+    return tuple(listed)
+
+
+def _named_kernels(meta: Path, named: tuple[str, ...], folder: Path | None) -> list[Path]:
+    """The files that a meta-kernel names, in the folder that the user stated, or else in its own.
+
+    A meta-kernel in a folder ``mk`` may also name what is beside that, as NAIF's archives have it.
+    """
+    inside = (folder or (meta.parent.parent if meta.parent.name == "mk" else meta.parent)).resolve()
+    found = []
+    for name in named:
+        try:
+            file = (meta.parent / name).resolve()
+            is_there = file.is_file()
+        except (OSError, ValueError, RuntimeError):
+            raise IcyMoonError(f"{meta} names {shorten(name)!r}, which can be no file; correct it.") from None
+        if not file.is_relative_to(inside):
+            raise IcyMoonError(f"{meta} names {shorten(name)!r}, and only kernels in {inside} are loaded; copy it "
+                               "there.")
+        if not is_there:
+            raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is not there; copy it there.")
+        if _look_at(file) != ():
+            raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is no kernel with data; leave it out.")
+        found.append(file)
+    return found
+
+
+def _check_binary(foreign: ForeignBytes, head: bytes) -> None:
+    """The summary records of a DAF follow each other without a ring, and their arrays lie within the file."""
+    if len(head) < _RECORD:
+        raise ValueError("it is cut off")
+    order = ">" if head[88:96] == b"BIG-IEEE" or head[8:11] == b"\0\0\0" else "<"
+    doubles, integers = struct.unpack_from(f"{order}2i", head, 8)
+    record, _, free = struct.unpack_from(f"{order}3i", head, 76)
+    size = doubles + (integers + 1) // 2
+    if not (0 <= doubles <= 124 and 2 <= integers <= 250 and 1 <= size <= 125):
+        raise ValueError(f"its summaries are of {doubles} doubles and {integers} integers")
+    if not 1 <= free <= foreign.size // _WORD + 1:
+        raise ValueError("it is cut off")
+    seen: set[int] = set()
+    while record:
+        if record in seen or not 1 < record <= foreign.size // _RECORD:
+            raise ValueError(f"its record {record} is not there, or follows itself")
+        seen.add(record)
+        content = foreign.part((record - 1) * _RECORD, _RECORD)
+        following, _, count = struct.unpack_from(f"{order}3d", content)
+        if not (0 <= following <= foreign.size and following == int(following) and 0 <= count * size <= 125):
+            raise ValueError(f"its record {record} has {count:g} summaries and is followed by {following:g}")
+        for k in range(int(count)):
+            place = (3 + k * size + doubles) * _WORD
+            *_, begin, end = struct.unpack_from(f"{order}{integers}i", content, place)
+            if not 1 <= begin <= end <= foreign.size // _WORD:
+                raise ValueError(f"its record {record} has an array from {begin} to {end}")
+        record = int(following)
