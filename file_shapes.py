@@ -7,6 +7,7 @@ and lists that hold any number of one shape. Imports no Blender.
 
 from __future__ import annotations
 
+import codecs
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -17,7 +18,7 @@ from typing import Any
 from .errors import IcyMoonError
 from .files import read_text
 from .suggestions import nearest
-from .support.foreign_bytes import MOST_TEXT, ForeignBytes, parse_json, read
+from .support.foreign_bytes import MOST_TEXT, ForeignBytes, RefusedError, decode_text, parse_json, read
 from .system import name_fault
 
 
@@ -148,6 +149,10 @@ def read_record(path: Path, shape: Shape, fix: str) -> Any:
     return check_record(data, shape, path, fix)
 
 
+#: Bytes of memory of a line of numbers and of each of them.
+_OF_A_LINE, _OF_A_NUMBER = 160, 32
+
+
 def read_number_lines(path: Path, columns: Sequence[str], setting: str,
                       most: int | None = None) -> list[tuple[int, list[float] | None]]:
     """The numbers of some columns of a CSV file whose first line names its columns: for each line that is not empty,
@@ -156,34 +161,34 @@ def read_number_lines(path: Path, columns: Sequence[str], setting: str,
     Raises IcyMoonError if the file that ``setting`` names cannot be read, lacks a column, or has more lines than
     ``most``, of which no more are read.
     """
-    def parse(foreign: ForeignBytes) -> list[tuple[int, list[float] | None]]:
-        found: list[tuple[int, list[float] | None]] = []
-        places: list[int] = []
-        for number, line in enumerate(foreign.text().split("\n"), 1):
-            cells = line.split(",")
-            if number == 1:
-                places = _find_columns(path, [head.strip() for head in cells], columns)
-            elif line.strip() and len(found) == most:
-                raise IcyMoonError(f"{path}: has more than {most} lines of numbers; leave out those that lie "
-                                   "evenly between their neighbours.")
-            elif line.strip():
-                found.append((number, _numbers_at(cells, places)))
-        return found
-
-    return read(path, parse, "a table of numbers", f"check {setting}", MOST_TEXT)
+    return read(path, lambda foreign: _parse_number_lines(foreign, columns, most), "a table of numbers",
+                f"check {setting}", most=MOST_TEXT)
 
 
-def _find_columns(path: Path, heads: Sequence[str], columns: Sequence[str]) -> list[int]:
-    """The places of columns by the first line of a table. Raises IcyMoonError for one that is not there."""
+def _parse_number_lines(foreign: ForeignBytes, columns: Sequence[str],
+                        most: int | None) -> list[tuple[int, list[float] | None]]:
+    found: list[tuple[int, list[float] | None]] = []
+    lines = foreign.lines()
+    first = next(lines, (1, b""))[1].removeprefix(codecs.BOM_UTF8)
+    heads = [head.strip() for head in decode_text(first).split(",")]
     for column in columns:
         if column not in heads:
-            raise IcyMoonError(f"{path}: has no column {column}, {nearest(column, heads)} Its first line must name the "
-                               f"columns {', '.join(columns)}.")
-    return [heads.index(column) for column in columns]
+            raise RefusedError(f"has no column {column}, {nearest(column, heads)} Its first line must name the columns "
+                               f"{', '.join(columns)}.")
+    places = [heads.index(column) for column in columns]
+    for number, line in lines:
+        if not line.strip():
+            continue
+        if len(found) == most:
+            raise RefusedError(f"has more than {most} lines of numbers; leave out those that lie evenly between their "
+                               "neighbours.")
+        foreign.budget.charge(_OF_A_LINE + _OF_A_NUMBER * len(places), "numbers")
+        found.append((number, _numbers_at(line.split(b","), places)))
+    return found
 
 
-def _numbers_at(cells: Sequence[str], places: Sequence[int]) -> list[float] | None:
+def _numbers_at(cells: Sequence[bytes], places: Sequence[int]) -> list[float] | None:
     try:
-        return [float(cells[place]) for place in places]
+        return [float(cells[place].replace(b"_", b"?")) for place in places]  # Python takes 1_0 for 10
     except (ValueError, IndexError):
         return None

@@ -12,7 +12,7 @@ from ..files import json_text, write_text
 from ..stereo.environment import packages
 from ..suggestions import nearest
 from ..support import printer
-from ..support.foreign_bytes import MOST_TEXT, ForeignBytes, read
+from ..support.foreign_bytes import MOST_TEXT, read
 from ..terminal import show_progress
 from ..validation.all_comparisons import load_comparisons
 from ..validation.comparison import AGREES, OFF, Bench, Comparison, Result, load_own_comparison, run_comparison
@@ -50,13 +50,17 @@ def run_validate(options: argparse.Namespace) -> int:
     write_text(out / "validation.json", json_text(report))
     write_text(out / "validation.md", "\n".join(markdown_section(result) for result in results))
     if options.page:
-        page = read(options.page, ForeignBytes.text, "a page", "give a Markdown file", MOST_TEXT)
+        page = _read_page(options.page)
         write_text(options.page, replace_sections(page, results))
     if options.json:
         printer.emit_json(report)
     else:
         printer.say(str(out / "validation.md"))
     return 0 if report["passes"] else 1
+
+
+def _read_page(path: Path) -> str:
+    return read(path, lambda foreign: foreign.text(), "a page", "give --page another", most=MOST_TEXT)
 
 
 def _run_one(comparison: Comparison, out: Path, options: argparse.Namespace) -> Result:

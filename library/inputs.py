@@ -51,7 +51,7 @@ class Input:
         if link := next((each for each in (path.parent, path) if each.is_symlink()), None):
             raise IcyMoonError(f"{link} is a link, and what a program gives is kept in the data set itself; remove the "
                                "link, or choose another folder.")
-        if read_checksum(path) != hashlib.sha256(self.content).hexdigest():
+        if not path.is_file() or read_checksum(path) != hashlib.sha256(self.content).hexdigest():
             write_atomically(path, self._fill)
         return path
 

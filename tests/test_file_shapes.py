@@ -399,3 +399,39 @@ def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path,
             name.removeprefix("icymoon-") for name in there if name.removeprefix("icymoon-") in cases}
     assert (victim / "content").exists()
     assert (tmp_path / "icymoon-link").is_symlink()
+
+
+def test_numbers_of_a_table_are_those_of_its_lines(tmp_path):
+    for text in ("a,b,c\n1,x,2\n\n 3 ,, 4e1 \n", "\ufeffa,b,c\r\n1,\xe9,2\r\n\r\n3,,40\r\n", "a,b,c\r1,,2\r\r3,,40"):
+        (tmp_path / "a.csv").write_bytes(text.encode())
+        assert file_shapes.read_number_lines(tmp_path / "a.csv", ("c", "a"), "rocks.file") == [
+            (2, [2.0, 1.0]), (4, [40.0, 3.0])]
+
+
+@pytest.mark.parametrize("line", ["1", "", ",", "x,1", "1,x", "1_0,1", "'1',1", "1,\x1b[31m", "\0,1", "0x1,1", "1,-"])
+def test_a_line_without_numbers_is_none(tmp_path, line):
+    (tmp_path / "a.csv").write_text(f"a,b\n1,2\n{line}\n", encoding="utf-8")
+    found = file_shapes.read_number_lines(tmp_path / "a.csv", ("a", "b"), "rocks.file")
+    assert found == [(2, [1.0, 2.0]), *([(3, None)] if line else [])]
+
+
+@pytest.mark.parametrize("content", [
+    b"", b"\n", b"a", b"b,c\n1,2", b"a;b\n1;2", b"\0" * 10**6, b"," * 10**6,
+    b"a,b\n" + b"1" * 70_000,
+    pytest.param(b"a,b\n" + b"1,1\n" * 1_300_000, marks=pytest.mark.heavy), b"a" * 10**6, b"\x80,a,b\n", b"A,B\n1,2",
+    b'"a","b"\n1,2',
+    b"a,b" + b"x" * 70_000 + b"\n"],
+    ids=range(14))
+@pytest.mark.timeout(20)
+def test_a_table_that_is_none_is_a_sentence(tmp_path, content):
+    (tmp_path / "a.csv").write_bytes(content)
+    with pytest.raises(IcyMoonError) as caught:
+        file_shapes.read_number_lines(tmp_path / "a.csv", ("a", "b"), "rocks.file")
+    assert str(caught.value).startswith(f"{tmp_path / 'a.csv'}")
+
+
+def test_a_table_that_is_no_file_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path, tmp_path / "absent"):
+        with pytest.raises(IcyMoonError, match=r"cannot be read.*check rocks\.file"):
+            file_shapes.read_number_lines(path, ("a",), "rocks.file")

@@ -362,7 +362,6 @@ ALLOWED: dict[str, str] = {
     "support/printer.py": "open: the null device",
     "system.py": "open, read_text: what Linux states of processes; the door itself",
     "validation/second_renderer.py": "np.load: arrays that our own process has just written",
-    "validation/tables.py": "re.search: a page of our manual, by its headings",
     "version.py": "read_text, tomllib.loads: shipped with the program",
 }
 

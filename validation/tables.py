@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import textwrap
 from collections.abc import Sequence
 
@@ -63,12 +62,18 @@ def replace_sections(page: str, results: Sequence[Result]) -> str:
         new = markdown_section(result)
         found = _find_section(page, result.comparison)
         if found:
-            page = page[:found.start()] + new + "\n" + page[found.end():]
+            page = page[:found[0]] + new + "\n" + page[found[1]:]
         else:
             last = page.rfind("\n## ") + 1
             page = page[:last] + new + "\n" + page[last:] if last else page.rstrip("\n") + "\n\n" + new
     return page.rstrip("\n") + "\n"
 
 
-def _find_section(page: str, comparison: Comparison) -> re.Match[str] | None:
-    return re.search(rf"^## {re.escape(comparison.title)}\n.*?(?=^## |\Z)", page, re.MULTILINE | re.DOTALL)
+def _find_section(page: str, comparison: Comparison) -> tuple[int, int] | None:
+    """Where the section of a comparison begins and ends, if the page has one."""
+    head = f"## {comparison.title}\n"
+    start = 0 if page.startswith(head) else page.find(f"\n{head}") + 1
+    if not page.startswith(head, start):
+        return None
+    end = page.find("\n## ", start)
+    return start, end + 1 if end >= 0 else len(page)

@@ -6,13 +6,13 @@ Their principal points count pixels from the centre of the first one, half a pix
 from __future__ import annotations
 
 import math
-import struct
 from pathlib import Path
 
 from ...errors import IcyMoonError
 from ...file_shapes import COUNT, NUMBER, PIXELS, POSITIVE, Maybe, read_record
 from ...render.pairs.pair_folder import StereoCamera
-from .data_files import numbers_of, read_content, read_fields
+from ...support.foreign_bytes import read
+from .data_files import numbers_of, read_fields
 
 _CENTRE = 0.5
 _OURS = {"camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIVE, "cx_px": NUMBER, "cy_px": NUMBER,
@@ -21,6 +21,7 @@ _OURS = {"camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIV
          "saturation_radiance": Maybe(NUMBER, null=True)}
 #: First number of Sintel's files of cameras.
 _SINTEL_MARK = 202021.25
+_AGAIN = "download its camera data again"
 
 
 def centred_camera(focal_px: float, baseline_m: float, width: int, height: int) -> StereoCamera:
@@ -50,7 +51,7 @@ def middlebury_camera(path: Path, width: int, height: int) -> StereoCamera:
     baseline = numbers_of(path, fields, "baseline", 1)[0] / 1000
     _check(path, matrix[0], baseline)
     doffs = numbers_of(path, fields, "doffs", 1)[0] if "doffs" in fields else 0.0
-    stated = [int(numbers_of(path, fields, key, 1)[0]) if key in fields else size
+    stated = [_whole(path, fields, key) if key in fields else size
               for key, size in (("width", width), ("height", height))]
     return StereoCamera(stated[0], stated[1], matrix[0], matrix[2] + _CENTRE, matrix[5] + _CENTRE, baseline,
                         doffs_px=doffs)
@@ -65,18 +66,14 @@ def row_offset_px(path: Path) -> float:
 def stated_disparities(path: Path) -> int | None:
     """The number of disparities that ``calib.txt`` states to be enough; None if it states none."""
     fields = read_fields(path, "=")
-    return max(1, int(numbers_of(path, fields, "ndisp", 1)[0])) if "ndisp" in fields else None
+    return _whole(path, fields, "ndisp") if "ndisp" in fields else None
 
 
 def sintel_camera(path: Path, baseline_m: float, width: int, height: int) -> StereoCamera:
     """From a ``.cam`` file: the matrix of the camera as nine float64 after a mark. Raises IcyMoonError otherwise."""
-    content = read_content(path, 4096)
-    try:
-        mark, *matrix = struct.unpack_from("<f9d", content)
-    except struct.error:
-        mark, matrix = 0.0, []
+    mark, *matrix = read(path, lambda foreign: foreign.cursor().unpack("<f9d"), "a camera of Sintel", _AGAIN, most=4096)
     if mark != _SINTEL_MARK:
-        raise IcyMoonError(f"{path} is not a camera of Sintel; download its camera data again.")
+        raise IcyMoonError(f"{path} is not a camera of Sintel; {_AGAIN}.")
     _check(path, matrix[0], baseline_m)
     return given_camera(matrix[0], matrix[2], matrix[5], baseline_m, width, height)
 
@@ -91,6 +88,14 @@ def saturation_radiance(path: Path) -> float | None:
     """The radiance that is white in the images, from ``calibration.json``; None if none is."""
     found = read_record(path, _OURS, "export the pair again").get("saturation_radiance")
     return None if found is None else float(found)
+
+
+def _whole(path: Path, fields: dict[str, str], key: str) -> int:
+    """A number of pixels, rounded down, at least 1. Raises IcyMoonError for more than an image has."""
+    value = max(1, int(numbers_of(path, fields, key, 1)[0]))
+    if not PIXELS.fits(value):
+        raise IcyMoonError(f"{path} states {key} {value:g}, not {PIXELS.name}; correct it.")
+    return value
 
 
 def _check(path: Path, focal_px: float, baseline_m: float) -> None:

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from icymoon.errors import IcyMoonError
 from icymoon.formats.ply import read_triangles, write_triangles
 from icymoon.validation.ball import ball_mesh
 from icymoon.validation.second_renderer import (
@@ -66,7 +67,7 @@ def test_facets_share_no_vertex_and_are_the_same_ground(tmp_path):
     # A thousandth of the largest distance from the middle of a triangle to its corner.
     assert np.abs(found[faces] - vertices[triangles]).max() < 1e-3 * 0.2
     (tmp_path / "other.ply").write_bytes(b"ply\nend_header\nmore")
-    with pytest.raises(ValueError, match="write_triangles"):
+    with pytest.raises(IcyMoonError, match="is not a PLY file of ours"):
         read_triangles(tmp_path / "other.ply")
 
 
