@@ -165,6 +165,8 @@ def show_counted_progress(title: str) -> Iterator[Callable[[dict[str, Any]], Non
             if event["type"] == "progress":
                 progress.update(task, total=event["total"], completed=event["done"],
                                 description=printer.show_controls(event["message"]))
+            elif event["type"] == "warning":
+                printer.print_line(console, ("Warning:", "yellow"), f" {event['message']}")
             else:
                 printer.print_line(console, event["message"])
 

@@ -33,7 +33,7 @@ METRICS = ("total_bad_1", "coverage", "l1_m", "l1_rate_10", "si_rmse", "dod")
 _ROW = {"method": TEXT, **{name: Maybe(NUMBER, null=True) for name in METRICS},
         "n": Maybe(COUNT), "pairs": Maybe(COUNT), "ranks": Maybe(Each(Each(COUNT), TEXT))}
 #: Lists of sentences of a report that the scene keeps, see ``Kept``.
-_SENTENCES = ("notes", "briefs", "rare_failures")
+_SENTENCES = ("notes", "briefs", "rare_failures", "doubts")
 _SHAPE = {"made": TEXT, "scope": TEXT, "pairs": Each(TEXT), "settings": Each(TABLE, TEXT), "summary": Each(_ROW),
           **dict.fromkeys(_SENTENCES, Maybe(Each(TEXT)))}
 _FILES = Maybe(Each({"method": TEXT, "images": Maybe(Each(TEXT, TEXT))}))
@@ -64,6 +64,7 @@ class Kept:
     notes: tuple[str, ...] = ()
     briefs: tuple[str, ...] = ()  # of the notes
     rare_failures: tuple[str, ...] = ()  # which matchers fail heavily in few pairs
+    doubts: tuple[str, ...] = ()  # those of the notes that make results doubtful
 
 
 def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
@@ -150,6 +151,12 @@ def limits_in_brief(scene: bpy.types.Scene) -> tuple[str, ...]:
     """The same in brief; empty if an older version wrote the results."""
     found = kept_results(scene)
     return found.briefs if found else ()
+
+
+def is_doubt(scene: bpy.types.Scene, brief: str) -> bool:
+    """Whether a note makes the results of a scene's last evaluation doubtful, by what it is in brief."""
+    found = kept_results(scene)
+    return found is not None and any(doubt.startswith(brief) for doubt in found.doubts)
 
 
 def rare_failures(scene: bpy.types.Scene) -> tuple[str, ...]:

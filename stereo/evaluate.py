@@ -60,13 +60,14 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     are kept and not computed again.
 
     ``on_event`` gets {"type": "progress", "fraction", "done", "total", "message"}, {"type": "error", "message"} for
-    each failure and {"type": "warning", "message"} for each suspect pair and each kind of blur in the images. Raises
-    IcyMoonError if there is no pair, if ``out`` cannot be written, or if it contains files that no evaluation wrote.
+    each failure, {"type": "warning", "message"} for each suspect pair and for what makes the images of a pair doubtful,
+    and {"type": "note", "message"} for facts about pairs of other data sets. Raises IcyMoonError if there is no pair,
+    if ``out`` cannot be written, or if it contains files that no evaluation wrote.
 
     The report is {"format", "version", "summary", "comparisons", "verdicts", "rare_failures", "rows", "pairs",
-    "failed", "suspect", "notes", "briefs", "plug_ins", "provenance"}; ``notes`` are sentences on what limits the
-    comparison, ``briefs`` their first parts, for where there is little room; an undefined value is null. ``rows`` and
-    ``pairs`` are read from the disk on demand.
+    "failed", "suspect", "notes", "briefs", "doubts", "plug_ins", "provenance"}; ``notes`` are sentences on what limits
+    the comparison, ``briefs`` their first parts, for where there is little room, ``doubts`` the notes that make results
+    doubtful; an undefined value is null. ``rows`` and ``pairs`` are read from the disk on demand.
 
     * ``summary``: one entry per method, see ``summary.summarise_method``, with its ``ranks``; ``comparisons``: see
       ``summary.compare_methods``; ``verdicts``: what they can show, in words;
@@ -202,12 +203,13 @@ class Evaluation:
                 self._tell_progress(row)
 
     def _note(self, pair: str, facts: Mapping[str, Any]) -> None:
-        """Tell each kind of warning once, and each pair that fails its self-check."""
+        """Tell each kind of note and warning once, and each pair that fails its self-check."""
         folder = self.sources[pair].folder
-        for message in facts.get("warnings", ()):
-            if message not in self._warned:
-                self._warned.add(message)
-                self._tell({"type": "warning", "message": f"{folder}: {message}"})
+        for kind in ("note", "warning"):
+            for message in facts.get(f"{kind}s", ()):
+                if message not in self._warned:
+                    self._warned.add(message)
+                    self._tell({"type": kind, "message": f"{folder}: {message}"})
         if not facts["self_check"]["ok"]:
             message = f"{folder} is left out of the averages: {'; '.join(facts['self_check']['problems'])}."
             self._suspect.append({"pair": pair, "message": message})

@@ -63,7 +63,8 @@ class ForeignPair:
     white: float | None = None  # level of white in images of radiance (PFM)
     linear: bool = False  # the images are in proportion to light, as our own are
     either_sign: bool = False  # the sign of the disparities differs between the releases of the data set
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # facts about the data
+    warnings: tuple[str, ...] = ()  # what makes results doubtful
     disparities: int | None = None  # that the data set states to be enough to search
 
     @property
@@ -94,7 +95,7 @@ class ForeignPair:
                                f"{camera.height_px} px; give the calibration of these images.")
         grey = to_grey(left), to_grey(right)
         places = find_places(*grey)
-        disparity, notes = self._true_disparity(camera, left, places)
+        disparity, notes, warnings = self._true_disparity(camera, left, places)
         truth = camera.depth(disparity)
         visible, known = self._visible(disparity, truth, camera, left)
         gradient = texture(grey[0])
@@ -105,7 +106,7 @@ class ForeignPair:
         most = STEP_PX * math.ceil(min(count, camera.width_px, MOST_PX) / STEP_PX) - 1
         pair = PhotographedPair(self.name, self.folder, camera, SearchRange(0, most, FIXED))
         scale = colours.depth_scale(truth)
-        facts = self._facts(camera, truth, visible if known else None, notes)
+        facts = self._facts(camera, truth, visible if known else None, notes, warnings)
         facts["depth_scale_m"] = [scale.low, scale.high]
         return Prepared(pair, left, right, truth, visible, gradient, classes, _UNCHECKED, scale, facts, known)
 
@@ -116,16 +117,17 @@ class ForeignPair:
         level = np.clip(radiance / (self.white or float(radiance.max()) or 1.0), 0, 1)
         return np.asarray(np.rint(255 * level).astype(np.uint8))
 
-    def _true_disparity(self, camera: StereoCamera, image: np.ndarray, places: Places) -> tuple[np.ndarray, list[str]]:
-        """The true disparity of the left eye, and warnings about it."""
+    def _true_disparity(self, camera: StereoCamera, image: np.ndarray,
+                        places: Places) -> tuple[np.ndarray, list[str], list[str]]:
+        """The true disparity of the left eye, notes on how it was read, and warnings about it."""
         values, notes = self._values(self.truth, camera, image), []
         if self.truth.kind == "depth":
             values, far = without_far_plateau(values, camera, places)
             if far is not None:
                 notes.append(f"{self.truth.path}: pixels of the one depth {far:g} m, far beyond all others, were taken "
                              "for sky, which has no truth.")
-        notes += check_truth(self, values, camera, places)
-        return _as_disparity(values, self.truth.kind, camera), notes
+        warnings = check_truth(self, values, camera, places)
+        return _as_disparity(values, self.truth.kind, camera), notes, warnings
 
     def _values(self, file: MapFile, camera: StereoCamera, image: np.ndarray) -> np.ndarray:
         """The depths along the optical axis, or the disparities, of a map."""
@@ -162,7 +164,7 @@ class ForeignPair:
         return np.asarray(seen)
 
     def _facts(self, camera: StereoCamera, truth: np.ndarray, visible: np.ndarray | None,
-               notes: Sequence[str]) -> dict[str, Any]:
+               notes: Sequence[str], warnings: Sequence[str]) -> dict[str, Any]:
         known = np.isfinite(truth)
         return {"pair": self.name, "width_px": camera.width_px, "height_px": camera.height_px,
                 "focal_baseline_px_m": camera.focal_baseline_px_m, "baseline_m": camera.baseline_m,
@@ -170,8 +172,9 @@ class ForeignPair:
                 "scene": f"{self.layout} {self.scene}", "true": float(known.mean()),
                 "visible": None if visible is None else float(visible.sum() / known.sum()),
                 "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))],
-                "warnings": [self._missing(visible is not None), *self.notes, *notes], "settings": {}, "rendered": {},
-                "noise": None, "occlusion": MASK if self.mask else ESTIMATED if visible is not None else None,
+                "notes": [self._missing(visible is not None), *self.notes, *notes],
+                "warnings": [*self.warnings, *warnings], "settings": {}, "rendered": {}, "noise": None,
+                "occlusion": MASK if self.mask else ESTIMATED if visible is not None else None,
                 "self_check": _UNCHECKED.to_json()}
 
     def _missing(self, occlusion_known: bool) -> str:

@@ -104,15 +104,15 @@ def _middlebury_pair(root: Path, folder: Path) -> ForeignPair:
     right = "disp1GT.pfm" if official else "disp1.pfm"
     mask = folder / "mask0nocc.png"
     offset = calibrations.row_offset_px(calibration)
-    notes = (f"Rows of matching pixels differ by up to {offset:g} px (dymax in calib.txt), which matchers here do not "
-             "search.",) if offset > _LEVEL_PX else ()
+    warnings = (f"Rows of matching pixels differ by up to {offset:g} px (dymax in calib.txt), which matchers here do "
+                "not search.",) if offset > _LEVEL_PX else ()
     name = safe_name(folder.resolve().name)
     return ForeignPair(
         name, folder, "Middlebury", name, find_inside(root, folder.relative_to(root) / "im0.png"),
         find_inside(folder, "im1.png"), MapFile(find_inside(folder, "disp0GT.pfm" if official else "disp0.pfm")),
         partial(calibrations.middlebury_camera, calibration), (calibration,),
         MapFile(find_inside(folder, right)) if (folder / right).exists() else None,
-        Mask("seen", (find_inside(folder, mask.name),)) if mask.exists() else None, notes=notes,
+        Mask("seen", (find_inside(folder, mask.name),)) if mask.exists() else None, warnings=warnings,
         disparities=calibrations.stated_disparities(calibration))
 
 

@@ -92,7 +92,7 @@ def write_report(report: Mapping[str, Any], ranking: Mapping[str, Any], chosen: 
         charts=draw_charts(report["summary"], table, sweeps, phase_curves(report["pairs"])),
         other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
         joined=[sweep for sweep in sweeps[:MOST_SWEEPS] if sweep.together], mixed=count_values(report["pairs"]),
-        warned=count_warnings(report["pairs"]),
+        warned=count_sentences(report["pairs"], "warnings"), told=count_sentences(report["pairs"], "notes"),
         error_bar=_colour_bar(colours.ERROR), invalid=colours.INVALID_GREY, sky=colours.SKY_GREY,
         matrix=picture_matrix(typical, table, facts_of, report["rows"], out), left_out=len(conditions) - len(typical),
         pairs=[_pair_section(facts_of[name], report, table, out) for name in sorted(chosen, key=table.pairs.index)],
@@ -132,10 +132,10 @@ def count_values(facts: Iterable[Mapping[str, Any]]) -> dict[str, list[tuple[str
     return {name: sorted(counts.items(), key=lambda entry: -entry[1])[:8] for name, counts in found.items()}
 
 
-def count_warnings(facts: Iterable[Mapping[str, Any]]) -> list[tuple[str, int]]:
-    """The warnings about the images of the pairs, and the number of pairs with each."""
+def count_sentences(facts: Iterable[Mapping[str, Any]], kind: str) -> list[tuple[str, int]]:
+    """The "warnings" about the pairs or the "notes" on them, by ``kind``, and the number of pairs with each."""
     found: dict[str, int] = {}
-    for text in (text for pair in facts for text in pair.get("warnings", ())):
+    for text in (text for pair in facts for text in pair.get(kind, ())):
         found[text] = found.get(text, 0) + 1
     return sorted(found.items(), key=lambda entry: -entry[1])
 

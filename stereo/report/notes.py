@@ -29,10 +29,14 @@ _FIXES = {STATED: "Leave the option out, and the range follows from the rig.",
 
 @dataclass(frozen=True)
 class Note:
-    """What a reader must know, in brief and in ``detail``; ``sentence`` is both."""
+    """What a reader must know, in brief and in ``detail``; ``sentence`` is both.
+
+    It is ``doubtful`` if results may be wrong or unfair for that reason, and not if it is a fact about the data.
+    """
 
     brief: str
     detail: str
+    doubtful: bool = False
 
     @property
     def sentence(self) -> str:
@@ -77,17 +81,17 @@ class Notes:
         missed = (self._missed(label, found) for label, found in self._search.items())
         from_truth = [label for label, found in self._search.items() if any(s["source"] == TRUTH for _, s in found)]
         known = (Note(f"{describe_method(label)} has its range from truth",
-                      "it searches only the disparities that each pair contains, which no camera knows.")
+                      "it searches only the disparities that each pair contains, which no camera knows.", True)
                  for label in from_truth)
         return [*filter(None, missed), *self._noise(), *known, *self._plugins(), *self._occlusion(),
                 *self._baked_light()]
 
     def _plugins(self) -> Iterator[Note]:
         for fault in self._faults:
-            yield Note("A metric is left out", fault)
+            yield Note("A metric is left out", fault, True)
         for name, sentences in self._failures.items():
             yield Note(f"The metric {name} failed {count_of(len(sentences), 'time')}",
-                       f"the first time, {sentences[0]}")
+                       f"the first time, {sentences[0]}", True)
 
     def _occlusion(self) -> Iterator[Note]:
         if self._estimated:
@@ -104,7 +108,7 @@ class Notes:
         yield Note(f"Indirect light is baked in {len(self._baked)} of {count_of(self._pairs, 'pair')}",
                    "its noise is fixed to the ground, alike in both eyes, so matchers take it for texture. It is at "
                    f"most {show_rounded(100 * noise)} % of the light, in a pair of which "
-                   f"{show_rounded(100 * share)} % is indirect.{more}")
+                   f"{show_rounded(100 * share)} % is indirect.{more}", over > 0)
 
     def _noise(self) -> Iterator[Note]:
         if self._decided:
@@ -112,7 +116,7 @@ class Notes:
             yield Note(f"{NOISE_DECIDES}{where}",
                        "in light or in shadow, more than 5 % of the pixels have less texture than noise. Methods that "
                        f"differ by less than {show_rounded(100 * max(self._decided))} % of the pixels may differ by "
-                       "noise alone; raise quality.samples and look whether their order stays.")
+                       "noise alone; raise quality.samples and look whether their order stays.", True)
         if self._noisy:
             where = f" in {self._noisy} of {self._pairs} pairs" if self._pairs > 1 else ""
             yield Note(f"The render is noisy{where}",
@@ -128,4 +132,4 @@ class Notes:
         return Note(f"{describe_method(label)} cannot measure everything",
                     f"in {len(beyond)} of {count_of(len(found), 'pair')} its search range leaves out more than "
                     f"{100 * MISSED:g} % of the true disparities, at most {100 * most:.0f} % (pair {pair}, "
-                    f"searched {worst['least_px']} to {worst['most_px']} px). {fix}")
+                    f"searched {worst['least_px']} to {worst['most_px']} px). {fix}", True)

@@ -39,7 +39,8 @@ _LONG = ("strata", "sparsification", "histograms", "common")
 
 #: The facts of a pair, see ``prepare``: the entries that are read again.
 FACTS: dict[str, Shape] = {"pair": TEXT, "key": TEXT, "images": Each(TEXT, TEXT), "settings": Each(TABLE, TEXT),
-         "self_check": {"ok": FLAG, "problems": Each(TEXT)}, "warnings": Maybe(Each(TEXT)), "rendered": TABLE,
+         "self_check": {"ok": FLAG, "problems": Each(TEXT)}, "notes": Maybe(Each(TEXT)), "warnings": Maybe(Each(TEXT)),
+         "rendered": TABLE,
          "width_px": PIXELS, "height_px": PIXELS, "true": NUMBER, "visible": Maybe(NUMBER, null=True),
          "exposure_s": Maybe(NUMBER), "scene": Maybe(TEXT), "noise": NOISE,
          "occlusion": Maybe(TEXT, null=True), "baked": BAKED}
@@ -96,6 +97,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
               "rows": rows, "pairs": facts, "failed": failed,
               "suspect": suspect, "notes": [note.sentence for note in notes.found()],
               "briefs": [note.brief for note in notes.found()],
+              "doubts": [note.sentence for note in notes.found() if note.doubtful],
               "plug_ins": metrics,
               "provenance": _provenance(methods, ran_on, source, seed)}
     write_atomically(out / "results.csv", lambda part: _write_csv(part, rows, [m["name"] for m in metrics]))

@@ -150,7 +150,9 @@ def test_metrics_refuses_a_file_without_depths(tmp_path):
 def test_evaluate_at_a_terminal(inputs, tmp_path):
     result = run("evaluate", inputs / "set", "--methods", "bm,sgbm", "--out", tmp_path / "out")
     assert result.returncode == 0, result.stderr
-    assert "sgbm" in result.stdout
+    assert "SGBM" in result.stdout
+    assert "sgbm" not in result.stdout
+    assert not re.search(r"\b1 (\w+ )?(pairs|scenes|methods|images)\b", result.stdout + result.stderr)
     assert "all pixels with a true depth" in result.stdout
     assert "only the pixels that each method measured" in result.stdout
     assert "> 1 px or missing (%)" in result.stdout
@@ -165,7 +167,7 @@ def test_evaluate_for_a_program_without_bpy_or_torch(inputs, tmp_path):
     assert (result.returncode, result.stderr) == (0, "")
     lines = [json.loads(line) for line in result.stdout.splitlines()]
     assert [line["type"] for line in lines] == ["progress", "progress", "result"]
-    assert lines[0] == {"type": "progress", "fraction": 0.5, "done": 1, "total": 2, "message": "good bm"}
+    assert lines[0] == {"type": "progress", "fraction": 0.5, "done": 1, "total": 2, "message": "good StereoBM"}
     assert Path(lines[-1]["report"]).is_file()
     assert [row["method"] for row in lines[-1]["rows"]] == ["bm", "sgbm"]
     report = json.loads((tmp_path / "out" / "report.json").read_text())
@@ -346,8 +348,8 @@ def test_the_printed_tables_rank_what_the_scenes_allow_and_call_nothing_a_zero(c
     cli._print_summary({"summary": rows, "verdicts": "8 scenes [of 9].", "notes": ["A note."], "plug_ins": []})
     printed = capsys.readouterr().out
     lines = [re.split(r"\s*│\s*", line)[1:-1] for line in printed.splitlines() if "│" in line]
-    assert [line[:2] for line in lines] == [["bm", "1–2"], ["sgbm", "–"], ["igev", "no result"],
-                                            ["bm", "2–3"], ["sgbm", "–"], ["igev", "no result"]]
+    assert [line[:2] for line in lines] == [["StereoBM", "1–2"], ["SGBM", "–"], ["IGEV-Stereo", "no result"],
+                                            ["StereoBM", "2–3"], ["SGBM", "–"], ["IGEV-Stereo", "no result"]]
     assert lines[2][2:] == ["–", "–", "–", "4.500"]  # what it cost stands
     assert set(lines[5][2:]) == {"–"}
     assert "8 scenes [of 9].\nA note." in printed

@@ -56,7 +56,8 @@ def test_middlebury_of_2014(tmp_path):
         assert np.argwhere(~known).tolist() == [[3, 5]]
     assert source.name == "Adirondack"
     assert not prepared.occlusion_known
-    assert "Without a mask of hidden pixels" in prepared.facts["warnings"][0]
+    assert "Without a mask of hidden pixels" in prepared.facts["notes"][0]
+    assert prepared.facts["warnings"] == []
 
 
 def test_middlebury_3_and_eth3d(tmp_path):

@@ -75,17 +75,33 @@ def test_what_an_export_lacks_is_stated_once_and_not_counted(dataset, tmp_path):
     export([dataset], "kitti", tmp_path / "kitti")
     told = []
     report = evaluate([tmp_path / "kitti"], parse_methods("bm"), tmp_path / "out", on_event=told.append)
-    warnings = [event["message"] for event in told if event["type"] == "warning"]
-    assert len(warnings) == 1
-    assert "without normals, labels and the direction of the Sun there are no errors by slope" in warnings[0]
+    assert "warning" not in [event["type"] for event in told]  # a fact makes no result doubtful
+    (note,) = [event["message"] for event in told if event["type"] == "note"]
+    assert "without normals, labels and the direction of the Sun there are no errors by slope" in note
     page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert page.count("the direction of the Sun") == 1
+    assert '<section class="failed">' not in page
+    assert "the direction of the Sun" in page[page.index('<section class="notes">'):page.index("<h2>Ranking</h2>")]
     assert "exposed" not in page
     assert "unknown" not in page
     strata = report["summary"][0]["strata"]
     for factor in FACTORS:
         total = sum(strata[factor.key]["true"])
         assert (total == 0) == (factor.key in ("slope", "shadow", "material", "deposits")), factor.key
+
+
+def test_a_truth_that_fits_nothing_is_a_warning(dataset, tmp_path, monkeypatch):
+    monkeypatch.setattr("icymoon.stereo.datasets.foreign_pair.check_truth", lambda *_: ["The map does not fit."])
+    export([dataset], "kitti", tmp_path / "kitti")
+    told = []
+    report = evaluate([tmp_path / "kitti"], parse_methods("bm"), tmp_path / "out", on_event=told.append)
+    assert [event["message"].rpartition(": ")[2] for event in told if event["type"] == "warning"] == [
+        "The map does not fit."]
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    red = page[page.index('<section class="failed">'):page.index("</section>")]
+    assert "The map does not fit." in red
+    assert "the direction of the Sun" not in red
+    assert report["pairs"][0]["warnings"] == ["The map does not fit."]
 
 
 def test_a_foreign_pair_has_points_in_the_axes_of_its_camera(dataset, tmp_path):

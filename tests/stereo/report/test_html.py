@@ -99,6 +99,7 @@ def test_one_and_two_pairs(tmp_path, count):
     html = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     assert "One scene" in html
     assert "GUISS" in html
+    assert not re.search(r"\b1 (of 1 )?(\w+ )?(pairs|scenes|methods|images)\b", html)
     assert not re.findall(r"\bnan\b", html, re.IGNORECASE)
 
 

@@ -2,6 +2,7 @@
 
 import pytest
 from icymoon.file_shapes import find_fault
+from icymoon.stereo.images.disparity_and_occlusion import ESTIMATED
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.render_noise import CLEAN, DECIDES, NOISY
 from icymoon.stereo.report.notes import BAKED, NOISE, SEARCH, Notes
@@ -34,6 +35,18 @@ def test_what_noise_decides_is_said_with_the_difference_that_it_hides():
     assert "may differ by noise alone; raise quality.samples" in decided
     assert noisy.startswith("The render is noisy in 1 of 6 pairs:")
     assert not with_noise((CLEAN, 0.001))
+
+
+def test_only_what_makes_results_doubtful_is_a_doubt():
+    part = {"share": 0.5, "noise_dn": 3.0, "hidden": 0.1}
+    baked = {"noise": 0.02, "share": 0.3, "bound": 0.05}
+    for facts, doubtful in (({"noise": {"verdict": DECIDES, "lit": part, "shadow": part, "doubt": 0.2}}, True),
+                            ({"noise": {"verdict": NOISY, "lit": part, "shadow": part, "doubt": 0.2}}, False),
+                            ({"occlusion": ESTIMATED}, False), ({"baked": baked}, False),
+                            ({"baked": baked | {"bound": 0.01}}, True)):
+        notes = Notes(parse_methods("bm"))
+        notes.add_pair(facts)
+        assert [note.doubtful for note in notes.found()] == [doubtful], facts
 
 
 def test_of_one_pair_no_number_is_stated():
