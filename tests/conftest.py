@@ -45,6 +45,7 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
 
     empty: dict[str, list[str]] = {name: [] for name in CHARTS}
     monkeypatch.setattr("icymoon.stereo.report.html.draw_charts", lambda *_: empty)
+    monkeypatch.setattr("icymoon.stereo.report.html.draw_sweeps", lambda *_: [])
     monkeypatch.setattr("icymoon.stereo.report.results.write_curves", lambda *_: {})
 
 

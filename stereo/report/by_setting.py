@@ -19,6 +19,10 @@ _GROUND = {f"{topic}.{setting.key}" for topic, setting in all_settings() if sett
 #: Settings that are never shown as varied: where and how fast to run, and the seed, whose value has no meaning.
 _NEVER_SWEPT = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "run"
                } | {"dataset.seed"}
+#: The name of the sweep over the scenes that pairs are from, if these are presets.
+SCENE = "scene"
+#: Settings of where the cameras are and look, over whose values is averaged, and what readers call these.
+POSES = {"rig.heading_deg": "heading", "rig.x_m": "place", "rig.y_m": "place"}
 #: Most values that a curve shows one by one; if there are more, they form this many groups of equal size.
 MOST_LEVELS = 10
 
@@ -35,9 +39,9 @@ def scene_of(facts: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A setting that differs between pairs."""
+    """A setting that differs between pairs, or the scenes that they are from, see ``conditions.join_by_scene``."""
 
-    name: str  # topic.key
+    name: str  # topic.key, or SCENE
     title: str
     values: np.ndarray  # per pair, numbers or text; NaN or "" for pairs without facts
     together: tuple[str, ...] = ()  # titles of other settings that divide the pairs in exactly the same way
@@ -96,11 +100,15 @@ def _join_inseparable(sweeps: list[Sweep]) -> list[Sweep]:
     return [replace(first, together=tuple(sweep.title for sweep in others)) for first, *others in groups.values()]
 
 
-def mean_by_level(sweep: Sweep, table: Table, method: int, metric: str) -> tuple[np.ndarray, np.ndarray]:
-    """The mean (levels,) of a metric over the pairs at each level of a setting, and its 95 % bounds (levels, 2)."""
+def mean_by_level(sweep: Sweep, table: Table, method: int, metric: str,
+                  among: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """The mean (levels,) of a metric over the pairs at each level of a setting, and its 95 % bounds (levels, 2).
+
+    ``among`` (pairs,) is true for the pairs that count, by default all.
+    """
     names, _, level = sweep.levels()
     numbers = table.column(method, metric)
-    known = ~np.isnan(numbers)
+    known = ~np.isnan(numbers) & (True if among is None else among)
     means, bounds = np.full(len(names), np.nan), np.full((len(names), 2), np.nan)
     for k in range(len(names)):
         at = (level == k) & known

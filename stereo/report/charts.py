@@ -8,8 +8,6 @@ import itertools
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
-from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -19,14 +17,11 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from ...files import write_atomically
-from ...settings.table import TOPICS
 from ...support.printer import show_lines
 from ..matchers.methods import describe_method
 from ..measure import by_pixel_class
 from ..measure.disparity_histograms import ERROR_PX, PARTS
 from ..measure.metrics import ERROR_STEPS_M, SHARES
-from .by_setting import Sweep, decided_by_noise, mean_by_level
 from .comparisons import FEWEST_SCENES
 from .phase_curves import PHASE_DEG
 from .scene_intervals import scene_means
@@ -34,12 +29,12 @@ from .summary import Table
 
 #: After Okabe and Ito, distinct for colour-blind eyes; visible on a white and on a black page.
 COLOURS = ("#2a86c8", "#d55e00", "#009e73", "#c0699a", "#c98a00", "#6f7f8f")
-_MARKS = ("o", "s", "^", "D", "v", "P")
+MARKS = ("o", "s", "^", "D", "v", "P")
 _SHAPES = {"o": "M1 5a4 4 0 1 0 8 0a4 4 0 1 0-8 0", "s": "M1.5 1.5h7v7h-7z", "^": "M5 1l4.5 8h-9z",
            "D": "M5 .5l4.5 4.5l-4.5 4.5l-4.5-4.5z", "v": "M5 9L.5 1h9z",
            "P": "M3.5 1h3v2.5h2.5v3h-2.5v2.5h-3v-2.5h-2.5v-3h2.5z"}
 #: The groups of charts in the report.
-CHARTS = ("front", "errors", "signed", "range", "strata", "sweeps", "phase")
+CHARTS = ("front", "errors", "signed", "range", "strata", "phase")
 _INK, _LINE = "#010203", "#040506"  # placeholders for the colours of the page, which the browser fills in
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.edgecolor": _LINE, "axes.labelcolor": _INK, "text.color": _INK, "xtick.color": _INK,
@@ -48,19 +43,11 @@ STYLE: dict[Any, Any] = {
     "lines.markersize": 4, "axes.titlesize": 9.5, "figure.constrained_layout.use": True,
     # Text from a data set is no formula, and a file called matplotlibrc in the current folder must not start LaTeX.
     "text.parse_math": False, "text.usetex": False}
-#: The same for a picture, which no page colours.
-_ON_WHITE: dict[Any, Any] = {"axes.edgecolor": "#888888", "axes.labelcolor": "#222222", "text.color": "#222222",
-                             "xtick.color": "#222222", "ytick.color": "#222222", "grid.color": "#dddddd"}
-_DPI = 120
-#: Metrics that are drawn against settings that vary, with factor and name.
-SWEPT = (("l1_m", 1.0, "Mean absolute depth error (m)"), ("total_bad_1", 100.0, "% missing or > 1 px"))
 #: Inches that a chart of its own is wide: text is legible from a width of 360 px on.
 _PANEL_WIDTH = 4.8
-_DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))
+DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))
 #: Most scenes that are drawn as dots of their own, and most characters of a method's name in a chart.
 _MOST_DOTS, _LONGEST_LABEL = 60, 24
-#: Most settings that are drawn.
-MOST_SWEEPS = 16
 #: The colour of an interval that allows no verdict, and what the title of its chart adds.
 _GREY, _FEW = "#8a94a0", "; grey: mean, 95 %"
 #: Classes with fewer true pixels than this are not drawn.
@@ -69,7 +56,7 @@ _FEWEST = 200
 Summary = Sequence[Mapping[str, Any]]
 
 
-def _methods(summary: Summary) -> Iterator[tuple[int, Mapping[str, Any], dict[str, Any]]]:
+def each_method(summary: Summary) -> Iterator[tuple[int, Mapping[str, Any], dict[str, Any]]]:
     """(number, entry, style of its curve) of each method."""
     for k, entry in enumerate(summary):
         colour, mark = _look(k)
@@ -78,7 +65,7 @@ def _methods(summary: Summary) -> Iterator[tuple[int, Mapping[str, Any], dict[st
 
 def _look(k: int) -> tuple[str, str]:
     """The colour and the mark of a method; together they are distinct for 36 methods."""
-    return COLOURS[k % len(COLOURS)], _MARKS[(k + k // len(COLOURS)) % len(_MARKS)]
+    return COLOURS[k % len(COLOURS)], MARKS[(k + k // len(COLOURS)) % len(MARKS)]
 
 
 def make_figure(columns: int, rows: int = 1, width: float = 10.4, height: float = 3.1) -> tuple[Figure, np.ndarray]:
@@ -131,15 +118,13 @@ def set_logarithmic(axis: Axes, which: str) -> None:
     along.set_minor_formatter(NullFormatter())
 
 
-def draw_charts(summary: Summary, table: Table, sweeps: Sequence[Sweep],
-                laws: Mapping[str, np.ndarray]) -> dict[str, list[str]]:
-    """Draw all charts: for each of ``CHARTS``, the SVG texts; none if there is nothing to draw. The methods have the
-    colours and marks of ``method_keys``. ``laws``: see ``phase_curves.phase_curves``."""
+def draw_charts(summary: Summary, table: Table, laws: Mapping[str, np.ndarray]) -> dict[str, list[str]]:
+    """Draw all charts but those of settings that vary: for each of ``CHARTS``, the SVG texts; none if there is nothing
+    to draw. The methods have the colours and marks of ``method_keys``. ``laws``: see ``phase_curves.phase_curves``."""
     with matplotlib.rc_context(STYLE):
         return {"front": _draw_front(summary, table), "errors": _draw_errors(summary),
                 "signed": _draw_histograms(summary), "range": _draw_range(summary),
-                "strata": _draw_pixel_classes(summary), "sweeps": _draw_sweeps(summary, table, sweeps[:MOST_SWEEPS]),
-                "phase": _draw_phase_curves(laws)}
+                "strata": _draw_pixel_classes(summary), "phase": _draw_phase_curves(laws)}
 
 
 def method_keys(methods: Sequence[str]) -> list[tuple[str, str, str]]:
@@ -149,7 +134,7 @@ def method_keys(methods: Sequence[str]) -> list[tuple[str, str, str]]:
 
 
 @contextmanager
-def _panel(found: list[str], name: str, title: str, height: float = 3.3) -> Iterator[Axes]:
+def panel(found: list[str], name: str, title: str, height: float = 3.3) -> Iterator[Axes]:
     """Axes of a chart of its own, which is added to ``found``: a narrow page sets charts below each other."""
     figure, ((axis,),) = make_figure(1, width=_PANEL_WIDTH, height=height)
     yield axis
@@ -161,8 +146,8 @@ def _draw_phase_curves(laws: Mapping[str, np.ndarray]) -> list[str]:
     """Draw phase curves, near opposition and over all phase angles."""
     found: list[str] = []
     for title, last in (("Opposition", 8.0), ("All phases", PHASE_DEG[-1])) if laws else ():
-        with _panel(found, "phase", title, height=3.4 + 0.22 * (len(laws) - 1)) as axis:  # with a line for each law
-            for (name, bright), colour, dash in zip(laws.items(), itertools.cycle(COLOURS), itertools.cycle(_DASHES)):
+        with panel(found, "phase", title, height=3.4 + 0.22 * (len(laws) - 1)) as axis:  # with a line for each law
+            for (name, bright), colour, dash in zip(laws.items(), itertools.cycle(COLOURS), itertools.cycle(DASHES)):
                 shown = last >= PHASE_DEG
                 axis.plot(PHASE_DEG[shown], bright[shown], color=colour, linestyle=dash, label=name)
             axis.set_xlabel("phase angle (°)")
@@ -177,11 +162,11 @@ def _draw_phase_curves(laws: Mapping[str, np.ndarray]) -> list[str]:
 def _draw_front(summary: Summary, table: Table) -> list[str]:
     """Draw wrong or missing pixels against time, with the front of methods that no other beats in both, and the spread
     over scenes."""
-    entries = [(look, entry) for _, entry, look in _methods(summary)
+    entries = [(look, entry) for _, entry, look in each_method(summary)
                if entry["n"] and entry["total_bad_1"] is not None and entry["seconds"]]
     found: list[str] = []
     if len(entries) > 1:
-        with _panel(found, "front", "Accuracy against time; line: no method is better in both") as axis:
+        with panel(found, "front", "Accuracy against time; line: no method is better in both") as axis:
             for look, entry in entries:
                 axis.plot(entry["seconds"], 100 * entry["total_bad_1"], **look, linestyle="", zorder=3)
                 axis.annotate(look["label"][:_LONGEST_LABEL], (entry["seconds"], 100 * entry["total_bad_1"]),
@@ -205,15 +190,15 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
         most = max(map(len, values), default=0)
         if most < 2:
             continue
-        with _panel(found, "front", title + _FEW * (most < FEWEST_SCENES)) as axis:
-            for k, entry, look in _methods(summary):
+        with panel(found, "front", title + _FEW * (most < FEWEST_SCENES)) as axis:
+            for k, entry, look in each_method(summary):
                 bounds = entry["intervals"].get(key)
                 if len(values[k]) < FEWEST_SCENES and bounds:
                     middle, low, high = (factor * each for each in (entry[key], *bounds))
                     axis.errorbar([k + 0.3], [middle], [[middle - low], [high - middle]], color=_GREY, marker="_",
                                   markersize=9, capsize=4, elinewidth=1.2)
                 _draw_spread(axis, k, values[k], look)
-            axis.set_xticks(range(len(summary)), [look["label"][:_LONGEST_LABEL] for *_, look in _methods(summary)],
+            axis.set_xticks(range(len(summary)), [look["label"][:_LONGEST_LABEL] for *_, look in each_method(summary)],
                             rotation=25 if len(summary) > 4 else 0)
             axis.set_ylim(bottom=0)
             axis.set_ylabel(label)
@@ -233,12 +218,12 @@ def _draw_spread(axis: Axes, place: int, values: np.ndarray, look: dict[str, Any
 
 def _draw_histograms(summary: Summary) -> list[str]:
     """Draw signed disparity errors, the parts of a pixel in the disparities, and the error by part."""
-    entries = [(look, entry["histograms"]) for _, entry, look in _methods(summary)
+    entries = [(look, entry["histograms"]) for _, entry, look in each_method(summary)
                if entry["histograms"] and sum(entry["histograms"]["true_part"])]
     found: list[str] = []
     if not entries:
         return found
-    with _panel(found, "signed", "Signed disparity error") as axis:
+    with panel(found, "signed", "Signed disparity error") as axis:
         middle = (ERROR_PX[1:] + ERROR_PX[:-1]) / 2
         for look, counts in entries:
             share = 100 * np.array(counts["error"]) / sum(counts["error"])
@@ -248,14 +233,14 @@ def _draw_histograms(summary: Summary) -> list[str]:
         axis.set_xlabel("measured minus true disparity (px)")
         axis.set_ylabel("% of the measured pixels in 0.05 px")
     part = np.arange(PARTS + 1) / PARTS
-    with _panel(found, "signed", "Pixel locking; 1: as often as in the true disparities") as axis:
+    with panel(found, "signed", "Pixel locking; 1: as often as in the true disparities") as axis:
         for look, counts in entries:
             axis.plot(part, _over_a_pixel(counts["part"], counts["true_part"]), **look)
         axis.axhline(1, color=_INK, linewidth=0.8)
         axis.set_ylim(bottom=0)
         axis.set_xlabel("part of a pixel in the disparity")
         axis.set_ylabel("measured over true frequency")
-    with _panel(found, "signed", "Bias by part of a pixel; errors below 1 px") as axis:
+    with panel(found, "signed", "Bias by part of a pixel; errors below 1 px") as axis:
         for look, counts in entries:
             axis.plot(part, _over_a_pixel(counts["fine_error_px"], counts["fine"]), **look)
         axis.axhline(0, color=_INK, linewidth=0.8)
@@ -275,15 +260,15 @@ def _draw_errors(summary: Summary) -> list[str]:
     found: list[str] = []
     if not any(entry["error_curve"] for entry in summary):
         return found
-    lines = [(entry, look | {"marker": ""}) for _, entry, look in _methods(summary)]
-    with _panel(found, "errors", "Cumulative error; ends at the coverage") as axis:
+    lines = [(entry, look | {"marker": ""}) for _, entry, look in each_method(summary)]
+    with panel(found, "errors", "Cumulative error; ends at the coverage") as axis:
         for entry, line in lines:
             if entry["error_curve"]:
                 axis.plot(ERROR_STEPS_M, 100 * np.array(entry["error_curve"]), **line)
         set_logarithmic(axis, "x")
         _set_percent_axis(axis, "% of all true pixels within it")
         axis.set_xlabel("depth error (m)")
-    with _panel(found, "errors", "Error against coverage; dotted: best order") as axis:
+    with panel(found, "errors", "Error against coverage; dotted: best order") as axis:
         for entry, line in lines:
             if entry["sparsification"]["texture"]:
                 axis.plot(100 * np.array(SHARES), entry["sparsification"]["texture"], **line)
@@ -307,7 +292,7 @@ def _wrong_percent(sums: Mapping[str, Any]) -> np.ndarray:
 
 def _draw_range(summary: Summary) -> list[str]:
     """Draw error against range, with the law Z² / (f·B) · σ, and coverage and wrong pixels against range."""
-    entries = [(look, entry["strata"]["range"]) for _, entry, look in _methods(summary)
+    entries = [(look, entry["strata"]["range"]) for _, entry, look in each_method(summary)
                if "range" in entry["strata"] and _has_enough(entry["strata"]["range"]).any()]
     found: list[str] = []
     if not entries:
@@ -319,7 +304,7 @@ def _draw_range(summary: Summary) -> list[str]:
         set_logarithmic(axis, "x")
         axis.set_xlabel("true depth (m)")
 
-    with _panel(found, "range", "Error; dashed: Z² / (f·B) · σ") as axis:
+    with panel(found, "range", "Error; dashed: Z² / (f·B) · σ") as axis:
         for look, sums in entries:
             known = _has_enough(sums) & (np.array(sums["n"]) > 0)
             n = np.maximum(np.array(sums["n"]), 1)
@@ -332,13 +317,13 @@ def _draw_range(summary: Summary) -> list[str]:
         finish(axis)
         set_logarithmic(axis, "y")
         axis.set_ylabel("mean depth error (m)")
-    with _panel(found, "range", "Coverage") as axis:
+    with panel(found, "range", "Coverage") as axis:
         for look, sums in entries:
             known = _has_enough(sums)
             axis.plot(middle[known], 100 * (np.array(sums["n"]) / np.maximum(sums["true"], 1))[known], **look)
         finish(axis)
         _set_percent_axis(axis, "% measured")
-    with _panel(found, "range", "Wrong or missing") as axis:
+    with panel(found, "range", "Wrong or missing") as axis:
         for look, sums in entries:
             known = _has_enough(sums)
             axis.plot(middle[known], _wrong_percent(sums)[known], **look)
@@ -354,10 +339,10 @@ def _draw_pixel_classes(summary: Summary) -> list[str]:
         if factor.key == "range" or not any(_has_enough(entry["strata"][factor.key]).sum() > 1 for entry in summary
                                             if factor.key in entry["strata"]):
             continue
-        with _panel(found, "strata", factor.title) as axis:
+        with panel(found, "strata", factor.title) as axis:
             places = np.arange(len(factor.classes))
             shown = np.zeros(len(places), bool)
-            for k, entry, look in _methods(summary):
+            for k, entry, look in each_method(summary):
                 sums = entry["strata"].get(factor.key)
                 if sums is not None:
                     known = _has_enough(sums)
@@ -369,59 +354,4 @@ def _draw_pixel_classes(summary: Summary) -> list[str]:
             axis.set_xlim(places[shown].min() - 0.4, places[shown].max() + 0.4)
             axis.set_ylim(bottom=-0.02 * axis.get_ylim()[1])  # a mark at 0 is whole
             axis.set_ylabel("% missing or > 1 px")
-    return found
-
-
-def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: Path) -> dict[str, str]:
-    """Write a picture of the mean error against each setting that varies; their paths relative to ``out`` by setting.
-
-    They are for programs that show no HTML, such as Blender.
-    """
-    curves = {}
-    for sweep in sweeps[:MOST_SWEEPS]:
-        topic, _, key = sweep.name.partition(".")
-        if topic not in TOPICS or key not in {s.key for s in TOPICS[topic].settings}:
-            continue  # of another version, whose names may be no names of files
-        with matplotlib.rc_context({**STYLE, **_ON_WHITE}):
-            figure, axes = make_figure(2, width=9.6, height=4.2)
-            for axis, drawn in zip(axes[0], SWEPT, strict=True):
-                _draw_sweep(sweep, axis, drawn, summary, table)
-            add_legend(figure, axes[0][0], len(summary))
-            curves[sweep.name] = f"curves/{sweep.name}.png"
-            write_atomically(out / curves[sweep.name], partial(figure.savefig, format="png", dpi=_DPI,
-                                                               facecolor="white"))
-    return curves
-
-
-def _draw_sweep(sweep: Sweep, axis: Axes, drawn: tuple[str, float, str], summary: Summary, table: Table) -> None:
-    """Draw one of ``SWEPT`` against a setting that varies, with 95 % intervals."""
-    names, places, _ = sweep.levels()
-    noisy = decided_by_noise(sweep, table)
-    metric, factor, label = drawn
-    step = 0.012 * float(np.ptp(places)) or 0.1
-    for k, _, look in _methods(summary):
-        mean, bounds = mean_by_level(sweep, table, k, metric)
-        bars = np.abs(bounds.T - mean)
-        aside = (k - (len(summary) - 1) / 2) * step
-        axis.errorbar(places + aside, factor * mean, factor * np.nan_to_num(bars), capsize=2.5, elinewidth=1,
-                      linestyle="-" if sweep.numeric else "", **look)
-    if not sweep.numeric or len(names) <= 6:
-        axis.set_xticks(places, [name if len(name) < 16 else f"{name[:14]}…" for name in names])
-    axis.margins(x=0.08)
-    axis.set_ylim(bottom=0)
-    half = 0.35 * float(np.diff(np.sort(places)).min()) if len(places) > 1 else 0.1
-    for place in places[noisy]:
-        axis.axvspan(place - half, place + half, color=matplotlib.rcParams["grid.color"], alpha=0.6, linewidth=0,
-                     zorder=0)
-    others = f", and {len(sweep.together)} more that vary with it" if sweep.together else ""
-    axis.set_xlabel(sweep.title + others + ("\nbands: noise of the render decides" if noisy.any() else ""))
-    axis.set_ylabel(label)
-
-
-def _draw_sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep]) -> list[str]:
-    """Draw mean error and wrong pixels against each setting that varies, with 95 % intervals."""
-    found: list[str] = []
-    for sweep, drawn in itertools.product(sweeps, SWEPT):
-        with _panel(found, "sweeps", "", height=2.9) as axis:
-            _draw_sweep(sweep, axis, drawn, summary, table)
     return found

@@ -13,10 +13,12 @@ import numpy as np
 from ...settings.preset_files import KINDS, is_whole, load_preset, preset_header, preset_names
 from ...settings.table import TOPICS
 from ...typed_settings import Parts
-from .by_setting import Sweep
+from .by_setting import SCENE, Sweep
 
 #: Most conditions that results are given for.
 MOST = 40
+#: Effects of the settings that make a scene what it is, whatever light and camera it has.
+_OF_SCENE = ("geometry", "material")
 #: Most values in the title of a pair.
 _MOST_IN_TITLE = 3
 
@@ -49,6 +51,28 @@ def name_levels(sweeps: Sequence[Sweep], facts: Iterable[Mapping[str, Any]],
     return found
 
 
+def join_by_scene(sweeps: Sequence[Sweep], facts: Iterable[Mapping[str, Any]],
+                  places: Mapping[str, int]) -> list[Sweep]:
+    """The sweeps, with the scene in place of the settings by which scenes differ, if all pairs are from shipped ones.
+
+    A pair is from a scene whose ground and surfaces it has, in any light and seen by any camera. ``places`` gives the
+    number of each pair by name. Settings that differ between pairs of a scene stay.
+    """
+    if not sweeps:
+        return []
+    titles = [""] * len(places)
+    for pair in facts:
+        titles[places[pair["pair"]]] = title = _scene_title(pair["settings"])
+        if not title:
+            return list(sweeps)
+    scenes = np.array(titles)
+    names = [name for name in np.unique(scenes) if name]
+    if len(names) < 2:
+        return list(sweeps)
+    kept = [sweep for sweep in sweeps if any(len(np.unique(sweep.values[scenes == name])) > 1 for name in names)]
+    return [Sweep(SCENE, "Scene", scenes), *kept]
+
+
 def conditions_of(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]]) -> list[Condition]:
     """The conditions of sweeps whose levels have these names, at most ``MOST``."""
     found = [Condition(name, level == n) for sweep, own in zip(sweeps, names, strict=True)
@@ -70,6 +94,8 @@ def titles_of(sweeps: Sequence[Sweep], names: Sequence[Sequence[str]], count: in
 
 
 def _name_value(name: str, value: str) -> str:
+    if name == SCENE:
+        return value
     topic, key = name.split(".")
     try:
         setting = TOPICS[topic][key]
@@ -98,6 +124,17 @@ def preset_title(settings: Parts) -> str:
     """The title of the shipped scene that a pair was rendered from, unchanged; empty if there is none."""
     matching = [(len(stated), name) for name, stated in _presets() if is_whole(name) and _has(settings, stated)]
     return preset_header(max(matching)[1])[0] if matching else ""
+
+
+def _scene_title(settings: Parts) -> str:
+    """The title of the shipped scene whose ground and surfaces these settings have; empty if there is none."""
+    found = []
+    for name, stated in _presets():
+        ground = {place: value for place, value in stated.items() if TOPICS[place[0]][place[1]].effect in _OF_SCENE}
+        if is_whole(name) and _has(settings, ground):
+            same = sum(settings.get(topic, {}).get(key) == value for (topic, key), value in stated.items())
+            found.append((same - len(stated), len(stated), name))  # of two, the one that describes light and camera too
+    return preset_header(max(found)[2])[0] if found else ""
 
 
 @cache

@@ -18,17 +18,19 @@ import jinja2
 import numpy as np
 
 from ...files import write_text
+from ...number_text import count_of
 from ...settings.toml_text import to_toml
 from ..images import colours
 from ..matchers.methods import Method, describe_method
 from ..measure.result_row import REGION_METRICS, REGIONS
-from .by_setting import Sweep
-from .charts import MOST_SWEEPS, draw_charts, method_keys
+from .by_setting import SCENE, Sweep
+from .charts import draw_charts, method_keys
 from .conditions import Condition
 from .pages import read_template
 from .phase_curves import phase_curves
 from .pictures import MOST_IN_MATRIX, MOST_PICTURES, choose_typical, embed_left, embed_picture, picture_matrix
 from .summary import Table
+from .sweep_charts import MOST_SWEEPS, draw_sweeps
 from .table_columns import (
     COMPARED_COLUMNS,
     GUISS,
@@ -46,6 +48,8 @@ from .table_columns import (
 
 #: Most pairs shown with pictures; half of them are the worst ones. The CSV file contains all.
 MOST_PAIRS = 24
+#: Most scenes that the head of the report names.
+_MOST_SCENES = 8
 _HERE = Path(__file__).parent
 #: Number of pictures of a pair, and of each method on it.
 _OWN, _PER_METHOD = 2, 3
@@ -89,9 +93,10 @@ def write_report(report: Mapping[str, Any], ranking: Mapping[str, Any], chosen: 
         compared=_comparison_rows(report["comparisons"]), compared_columns=COMPARED_COLUMNS,
         format_number=format_number, format_interval=format_interval, guiss=GUISS if guiss else (),
         plugin_columns=columns_of_plugins(report["plug_ins"]), format_plugin=format_plugin,
-        charts=draw_charts(report["summary"], table, sweeps, phase_curves(report["pairs"])),
+        charts=draw_charts(report["summary"], table, phase_curves(report["pairs"])),
+        sweeps=draw_sweeps(report["summary"], table, sweeps),
         other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
-        joined=[sweep for sweep in sweeps[:MOST_SWEEPS] if sweep.together], mixed=count_values(report["pairs"]),
+        scenes=_list_scenes(sweeps, table), mixed=count_values(report["pairs"]),
         warned=count_sentences(report["pairs"], "warnings"), told=count_sentences(report["pairs"], "notes"),
         error_bar=_colour_bar(colours.ERROR), invalid=colours.INVALID_GREY, sky=colours.SKY_GREY,
         matrix=picture_matrix(typical, table, facts_of, report["rows"], out), left_out=len(conditions) - len(typical),
@@ -99,6 +104,17 @@ def write_report(report: Mapping[str, Any], ranking: Mapping[str, Any], chosen: 
         titles=dict(zip(table.pairs, titles, strict=True)), data=_page_data(table, titles, ranking, methods),
         script=script, script_hash=_script_hash(script))
     write_text(out / "report.html", html)
+
+
+def _list_scenes(sweeps: Sequence[Sweep], table: Table) -> str:
+    """The scenes of the pairs, as in "2 scenes: Enceladus suncups, Europa chaos"; empty if these are no presets."""
+    names = [name for sweep in sweeps if sweep.name == SCENE for name in sweep.levels()[0]]
+    if not names:
+        return ""
+    grounds = len(np.unique(table.scenes[table.scenes >= 0]))
+    more = [f"{len(names) - _MOST_SCENES} more"] if len(names) > _MOST_SCENES else []
+    count = count_of(max(grounds, len(names)), "scene") + (f" from {len(names)} presets" if grounds > len(names) else "")
+    return f"{count}: {', '.join([*names[:_MOST_SCENES], *more])}"
 
 
 def choose_pairs(table: Table, names: Sequence[str]) -> list[str]:

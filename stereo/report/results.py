@@ -21,14 +21,14 @@ from ..measure.metrics import ERROR_STEPS_M, SHARES
 from ..measure.plug_in import metrics_of_plugins
 from ..measure.result_row import NUMBERS, REGIONS
 from .by_setting import scene_of, swept_settings
-from .charts import write_curves
-from .conditions import conditions_of, name_levels, preset_title, titles_of
+from .conditions import conditions_of, join_by_scene, name_levels, preset_title, titles_of
 from .html import choose_pairs, write_report
 from .notes import BAKED, NOISE, SEARCH, Notes
 from .ranking import rank_methods
 from .rare_failures import describe_rare_failures
 from .row_log import LazyRows, Row, RowLog
 from .summary import Table, compare_methods, summarise_method
+from .sweep_charts import write_curves
 from .verdict_text import describe_verdicts
 
 FORMAT = "icymoon-report"
@@ -88,7 +88,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
                 ran_on[label].append(row["facts"])
     comparisons, ranks = compare_methods(table, seed)
     summary = [summarise_method(table, k) | {"ranks": own} for k, own in enumerate(ranks)]
-    sweeps = swept_settings(facts, places)
+    sweeps = join_by_scene(swept_settings(facts, places), facts, places)
     verdicts = describe_verdicts(comparisons, table)
     report = {"format": FORMAT, "version": VERSION,
               "summary": summary, "curves": write_curves(summary, table, sweeps, out),

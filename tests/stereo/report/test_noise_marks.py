@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 import pytest
-from icymoon.stereo.report import charts
+from icymoon.stereo.report import charts, sweep_charts
 from icymoon.stereo.report.by_setting import Sweep, decided_by_noise
 from icymoon.stereo.report.summary import Table
 
@@ -27,9 +27,9 @@ def test_the_chart_has_a_band_with_its_meaning(noisy, monkeypatch):
     with charts.matplotlib.rc_context(charts.STYLE):
         _, axes = charts.make_figure(2)
         # No intervals: what they are made of is not what this is about.
-        monkeypatch.setattr(charts, "mean_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
-        for axis, drawn in zip(axes[0], charts.SWEPT, strict=True):
-            charts._draw_sweep(SWEEP, axis, drawn, [{"method": "bm"}], table)
+        monkeypatch.setattr(sweep_charts, "mean_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
+        for axis, drawn in zip(axes[0], sweep_charts.SWEPT, strict=True):
+            sweep_charts._draw_sweep(SWEEP, axis, drawn, [{"method": "bm"}], table)
     for axis in axes[0]:
         assert len(axis.patches) == noisy
         assert ("noise of the render decides" in axis.get_xlabel()) == noisy
@@ -41,8 +41,8 @@ def test_the_chart_has_a_band_with_its_meaning(noisy, monkeypatch):
 def test_the_band_of_a_picture_is_light(monkeypatch, tmp_path):
     table = Table(["bm"], PAIRS)
     table.by_noise[0] = True
-    monkeypatch.setattr(charts, "mean_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
-    written = charts.write_curves([{"method": "bm"}], table, [SWEEP], tmp_path)
+    monkeypatch.setattr(sweep_charts, "mean_by_level", lambda *_: (np.ones(3), np.full((3, 2), np.nan)))
+    written = sweep_charts.write_curves([{"method": "bm"}], table, [SWEEP], tmp_path)
     grey = cv2.imread(str(tmp_path / written[SWEEP.name]), cv2.IMREAD_GRAYSCALE)
     values = np.bincount(grey.ravel(), minlength=256)
     assert values[:200].max() < 0.02 * grey.size  # letters and lines, no area

@@ -1,0 +1,62 @@
+"""Over what the mean of a point in a chart is: scenes, headings, places and other settings that vary."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...number_text import count_of
+from .by_setting import POSES, SCENE, Sweep
+from .summary import Table
+
+#: Most settings that are named.
+_MOST_NAMED = 6
+
+
+def averaged_over(point: np.ndarray, used: Sequence[Sweep], sweeps: Sequence[Sweep], table: Table) -> str:
+    """A sentence on the means of a chart. ``point`` (pairs,) is the point that each pair is part of, or -1.
+
+    Of ``sweeps``, those in ``used`` are the same in all pairs of a point; the others are named if they differ there.
+    """
+    counted = point >= 0
+    groups = [np.flatnonzero(point == each) for each in np.unique(point[counted])]
+    most = max(map(len, groups), default=0)
+    if most <= 1:
+        return "Each point is one pair."
+    found = [_counted(_numbers(table.scenes, groups), "scene")]
+    poses: dict[str, int] = {}
+    named = []
+    for sweep in sweeps:
+        number = _numbers(sweep.values, groups) if all(sweep is not each for each in used) else (1, 1)
+        if number[1] < 2 or sweep.name == SCENE:
+            continue
+        if sweep.name in POSES:
+            poses[POSES[sweep.name]] = max(number[1], poses.get(POSES[sweep.name], 0))
+        else:
+            named.append(sweep.title)
+    found += [count_of(number, what) for what, number in poses.items()]
+    if len(named) > _MOST_NAMED:
+        named = [*named[:_MOST_NAMED], count_of(len(named) - _MOST_NAMED, "more setting")]
+    found = [*filter(None, found), *named]
+    if not found:
+        return f"Each point is the mean over {_counted(_sizes(groups), 'pair')}."
+    return f"Each point is the mean over {' and '.join([', '.join(found[:-1]), found[-1]] if found[1:] else found)}."
+
+
+def _numbers(values: np.ndarray, groups: Sequence[np.ndarray]) -> tuple[int, int]:
+    """The least and the most distinct values in a group."""
+    found = [len(np.unique(values[group])) for group in groups]
+    return min(found), max(found)
+
+
+def _sizes(groups: Sequence[np.ndarray]) -> tuple[int, int]:
+    return min(map(len, groups)), max(map(len, groups))
+
+
+def _counted(numbers: tuple[int, int], what: str) -> str:
+    """How many of what a point has; empty if every point has one."""
+    least, most = numbers
+    if most < 2:
+        return ""
+    return count_of(most, what) if least == most else f"{least} to {count_of(most, what)}"

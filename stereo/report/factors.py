@@ -1,0 +1,74 @@
+"""Which settings were varied on purpose and against each other, and the lines that charts then have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .by_setting import POSES, Sweep
+
+#: Most values of a setting that have a line each; the values of a number beyond that form so many groups.
+MOST_LINES, _GROUPS = 6, 4
+#: Share of the combinations of two settings that must occur, and pairs for each value of a setting, for these to have
+#: been varied on purpose: values that are drawn at random are all different.
+_CROSSED, _REPEATED = 0.9, 2
+
+
+@dataclass(frozen=True)
+class Lines:
+    """The lines that the charts of a setting have for another one, ``factor``."""
+
+    factor: Sweep
+    names: list[str]
+    of: np.ndarray  # (pairs,) the line that each pair is part of, or -1
+    grouped: bool  # whether a line stands for several values
+
+
+def lines_for(sweep: Sweep, sweeps: Sequence[Sweep]) -> Lines | None:
+    """The lines of the charts of ``sweep``: the values of the first other setting that was varied on purpose with it.
+
+    None if there is no such setting. The poses of a camera and names beyond ``MOST_LINES`` make no lines.
+    """
+    if sweep.name in POSES or not _is_repeated(sweep):
+        return None
+    for other in sweeps:
+        if other is sweep or other.name in POSES or not _is_repeated(other) or not _are_crossed(sweep, other):
+            continue
+        if lines := _lines(other):
+            return lines
+    return None
+
+
+def _known(sweep: Sweep) -> np.ndarray:
+    return np.asarray(~np.isnan(sweep.values) if sweep.numeric else sweep.values != "")
+
+
+def _is_repeated(sweep: Sweep) -> bool:
+    known = _known(sweep)
+    return int(known.sum()) >= _REPEATED * len(np.unique(sweep.values[known]))
+
+
+def _are_crossed(one: Sweep, other: Sweep) -> bool:
+    """Whether nearly every value of one setting occurs with nearly every value of another."""
+    known = _known(one) & _known(other)
+    first, second = (np.unique(sweep.values[known], return_inverse=True)[1] for sweep in (one, other))
+    if not known.any() or min(first.max(), second.max()) < 1:
+        return False
+    combinations = len(set(zip(first.tolist(), second.tolist(), strict=True)))
+    return combinations >= _CROSSED * (first.max() + 1) * (second.max() + 1)
+
+
+def _lines(factor: Sweep) -> Lines | None:
+    known = _known(factor)
+    values, level = np.unique(factor.values[known], return_inverse=True)
+    of = np.full(len(factor.values), -1)
+    if len(values) <= MOST_LINES:
+        of[known] = level
+        return Lines(factor, [f"{value:g}" if factor.numeric else str(value) for value in values], of, grouped=False)
+    if not factor.numeric:
+        return None
+    groups = np.array_split(np.arange(len(values)), _GROUPS)
+    of[known] = np.repeat(np.arange(_GROUPS), [len(group) for group in groups])[level]
+    return Lines(factor, [f"{values[group[0]]:g} to {values[group[-1]]:g}" for group in groups], of, grouped=True)

@@ -1,0 +1,245 @@
+"""Charts of the mean error against each setting that varies.
+
+With two settings that were varied on purpose, the chart of one has a line for each value of the other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_hex, to_rgb
+
+from ...files import write_atomically
+from ...number_text import count_of
+from ...settings.table import TOPICS
+from .averaged import averaged_over
+from .by_setting import SCENE, Sweep, decided_by_noise, mean_by_level
+from .charts import (
+    DASHES,
+    MARKS,
+    STYLE,
+    Summary,
+    add_legend,
+    each_method,
+    make_figure,
+    panel,
+)
+from .factors import Lines, lines_for
+from .summary import Table
+
+#: Metrics that are drawn against settings that vary, with factor and name.
+SWEPT = (("l1_m", 1.0, "Mean absolute depth error (m)"), ("total_bad_1", 100.0, "% missing or > 1 px"))
+#: Most settings that are drawn.
+MOST_SWEEPS = 16
+#: Most methods whose charts have a line for each value of another setting, as each method then has charts of its own.
+_MOST_SPLIT = 6
+#: Most settings that are named as varying together with another.
+_MOST_NAMED = 5
+#: Inches that a chart is high, and the parts by which the colour of a method is made lighter and darker for its lines.
+_HEIGHT, _LIGHTER, _DARKER = 2.9, 0.55, 0.3
+#: Characters in a line of a tick's label, and at most in all.
+_TICK, _LONGEST_TICK = 14, 28
+#: For a picture, which no page colours.
+_ON_WHITE: dict[Any, Any] = {"axes.edgecolor": "#888888", "axes.labelcolor": "#222222", "text.color": "#222222",
+                             "xtick.color": "#222222", "ytick.color": "#222222", "grid.color": "#dddddd"}
+_DPI = 120
+
+
+@dataclass(frozen=True)
+class SweepCharts:
+    """The charts of a setting that varies, as SVG in rows, and what a reader must know of them, in sentences.
+
+    ``of_all`` is true if every chart shows all methods, which then need a legend.
+    """
+
+    caption: str
+    rows: list[list[str]]
+    of_all: bool
+
+
+def draw_sweeps(summary: Summary, table: Table, sweeps: Sequence[Sweep]) -> list[SweepCharts]:
+    """Draw mean error and wrong pixels against each setting that varies, with 95 % intervals.
+
+    ``sweeps`` are all settings that vary; the first ``MOST_SWEEPS`` are drawn.
+    """
+    drawn = []
+    with matplotlib.rc_context(STYLE):
+        for sweep in sweeps[:MOST_SWEEPS]:
+            lines = _lines_of(sweep, sweeps, summary)
+            rows = _draw_apart(sweep, lines, summary, table) if lines else [_draw_together(sweep, summary, table)]
+            drawn.append(SweepCharts(_caption(sweep, lines, sweeps, table), rows, lines is None))
+    return drawn
+
+
+def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: Path) -> dict[str, str]:
+    """Write a picture of the mean error against each setting that varies; their paths relative to ``out`` by setting.
+
+    They are for programs that show no HTML, such as Blender.
+    """
+    curves = {}
+    for sweep in sweeps[:MOST_SWEEPS]:
+        topic, _, key = sweep.name.partition(".")
+        if topic not in TOPICS or key not in {s.key for s in TOPICS[topic].settings}:
+            continue  # of another version, whose names may be no names of files
+        lines = _lines_of(sweep, sweeps, summary)
+        with matplotlib.rc_context({**STYLE, **_ON_WHITE}):
+            figure, axes = make_figure(2, len(summary) if lines else 1, width=9.6, height=3.6 if lines else 4.2)
+            for column, metric in zip(axes.T, SWEPT, strict=True):
+                if lines:
+                    for axis, (k, _, look) in zip(column, each_method(summary), strict=True):
+                        _draw_lines(sweep, lines, axis, metric, table, k, look)
+                        axis.set_title(look["label"], loc="left")
+                        axis.set_ylim(0, _highest(sweep, lines, metric, len(summary), table))
+                else:
+                    _draw_sweep(sweep, column[0], metric, summary, table)
+            if lines:
+                _add_line_legend(axes[0, 0], lines)
+            else:
+                add_legend(figure, axes[0, 0], len(summary))
+            curves[sweep.name] = f"curves/{sweep.name}.png"
+            write_atomically(out / curves[sweep.name], partial(figure.savefig, format="png", dpi=_DPI,
+                                                               facecolor="white"))
+    return curves
+
+
+def _lines_of(sweep: Sweep, sweeps: Sequence[Sweep], summary: Summary) -> Lines | None:
+    """The lines that the charts of a setting have for another one; None if there is none, or too many methods."""
+    return lines_for(sweep, sweeps) if len(summary) <= _MOST_SPLIT else None
+
+
+def _draw_together(sweep: Sweep, summary: Summary, table: Table) -> list[str]:
+    """A chart of each metric with all methods."""
+    found: list[str] = []
+    for metric in SWEPT:
+        with panel(found, f"sweeps-{sweep.name}-", "", height=_HEIGHT) as axis:
+            _draw_sweep(sweep, axis, metric, summary, table)
+    return found
+
+
+def _draw_apart(sweep: Sweep, lines: Lines, summary: Summary, table: Table) -> list[list[str]]:
+    """For each metric the charts of all methods, in one scale, with a line for each value of another setting."""
+    rows = []
+    for metric in SWEPT:
+        found: list[str] = []
+        top = _highest(sweep, lines, metric, len(summary), table)
+        for k, _, look in each_method(summary):
+            with panel(found, f"sweeps-{sweep.name}-{metric[0]}-", look["label"], height=_HEIGHT + 0.5) as axis:
+                _draw_lines(sweep, lines, axis, metric, table, k, look)
+                axis.set_ylim(0, top)
+                _add_line_legend(axis, lines)
+        rows.append(found)
+    return rows
+
+
+def _caption(sweep: Sweep, lines: Lines | None, sweeps: Sequence[Sweep], table: Table) -> str:
+    """What the charts of a setting show, over what their means are, and what cannot be told apart."""
+    point = sweep.levels()[2]
+    if lines:
+        point = np.where((point >= 0) & (lines.of >= 0), point * len(lines.names) + lines.of, -1)
+    used = [sweep, *([lines.factor] if lines else [])]
+    parts = [f"{sweep.title}. {averaged_over(point, used, sweeps, table)}"]
+    if lines:
+        groups = f", whose values form {len(lines.names)} groups" if lines.grouped else ""
+        others = count_of(len(lines.factor.together), "more setting")
+        joined = f", with which {others} {'varies' if len(lines.factor.together) == 1 else 'vary'}"
+        parts.append(f"A line for each {'group' if lines.grouped else 'value'} of {lines.factor.title}{groups}"
+                     f"{joined if lines.factor.together else ''}.")
+    if sweep.together:
+        named = list(sweep.together[:_MOST_NAMED])
+        if more := len(sweep.together) - len(named):
+            named.append(count_of(more, "more setting"))
+        parts.append(f"It varies together with {' and '.join(filter(None, [', '.join(named[:-1]), named[-1]]))}, so "
+                     "their effects cannot be separated.")
+    return " ".join(parts)
+
+
+def _draw_sweep(sweep: Sweep, axis: Axes, metric: tuple[str, float, str], summary: Summary, table: Table) -> None:
+    """Draw one of ``SWEPT`` against a setting that varies, with 95 % intervals."""
+    for k, _, look in each_method(summary):
+        _draw_means(sweep, axis, metric, table, k, (k, len(summary)), {**look, "linestyle": _line_style(sweep)})
+    _finish(sweep, axis, metric[2], table)
+    axis.set_ylim(bottom=0)
+
+
+def _draw_lines(sweep: Sweep, lines: Lines, axis: Axes, metric: tuple[str, float, str], table: Table, method: int,
+                look: dict[str, Any]) -> None:
+    """Draw one of ``SWEPT`` for one method, a line for each value of another setting."""
+    for n, (name, colour) in enumerate(zip(lines.names, _shades(look["color"], len(lines.names)), strict=True)):
+        style = {"color": colour, "marker": MARKS[n % len(MARKS)], "label": name,
+                 "linestyle": DASHES[n % len(DASHES)] if sweep.numeric else ""}
+        _draw_means(sweep, axis, metric, table, method, (n, len(lines.names)), style, lines.of == n)
+    _finish(sweep, axis, metric[2], table)
+
+
+def _draw_means(sweep: Sweep, axis: Axes, metric: tuple[str, float, str], table: Table, method: int,
+                place: tuple[int, int], look: dict[str, Any], among: np.ndarray | None = None) -> None:
+    """Draw the means of a method with their intervals, ``place`` (k of n) beside those of the others."""
+    _, places, _ = sweep.levels()
+    key, factor, _ = metric
+    mean, bounds = mean_by_level(sweep, table, method, key, among)
+    step = (0.012 if sweep.numeric else 0.05) * float(np.ptp(places)) or 0.1
+    known = ~np.isnan(mean)  # a line goes on over a value that it lacks
+    bars = np.nan_to_num(np.abs(bounds.T - mean))
+    axis.errorbar((places + (place[0] - (place[1] - 1) / 2) * step)[known], factor * mean[known],
+                  factor * bars[:, known], capsize=2.5, elinewidth=1, **look)
+
+
+def _line_style(sweep: Sweep) -> str:
+    return "-" if sweep.numeric else ""
+
+
+def _finish(sweep: Sweep, axis: Axes, label: str, table: Table) -> None:
+    """Label the axes of a chart, and mark the values at which noise of the render decides."""
+    names, places, _ = sweep.levels()
+    noisy = decided_by_noise(sweep, table)
+    if not sweep.numeric or len(names) <= 6:
+        axis.set_xticks(places, list(map(_tick, names)))
+    axis.margins(x=0.08 if sweep.numeric else 0.25)
+    half = 0.35 * float(np.diff(np.sort(places)).min()) if len(places) > 1 else 0.1
+    for place in places[noisy]:
+        axis.axvspan(place - half, place + half, color=matplotlib.rcParams["grid.color"], alpha=0.6, linewidth=0,
+                     zorder=0)
+    others = f", and {len(sweep.together)} more that vary with it" if sweep.together else ""
+    title = "" if sweep.name == SCENE else sweep.title + others
+    axis.set_xlabel(title + ("\nbands: noise of the render decides" if noisy.any() else ""))
+    axis.set_ylabel(label)
+
+
+def _tick(name: str) -> str:
+    """A name below an axis, in two lines if it is long."""
+    short = name if len(name) <= _LONGEST_TICK else f"{name[:_LONGEST_TICK - 1]}…"
+    space = short.rfind(" ", 0, _TICK + 1)
+    return short if len(short) <= _TICK or space < 0 else f"{short[:space]}\n{short[space + 1:]}"
+
+
+def _highest(sweep: Sweep, lines: Lines, metric: tuple[str, float, str], methods: int, table: Table) -> float:
+    """The top of the axis of a metric, the same for all methods."""
+    key, factor, _ = metric
+    tops = [0.0]
+    for method in range(methods):
+        for n in range(len(lines.names)):
+            mean, bounds = mean_by_level(sweep, table, method, key, lines.of == n)
+            tops += [float(value) for value in (*mean, *bounds[:, 1]) if np.isfinite(value)]
+    return 1.08 * factor * max(tops) or 1.0
+
+
+def _add_line_legend(axis: Axes, lines: Lines) -> None:
+    """Add a legend of the lines above the figure of a chart, with the name of the setting that they are of."""
+    handles, labels = axis.get_legend_handles_labels()
+    axis.figure.legend(handles, labels, title=lines.factor.title, loc="outside upper left", alignment="left",
+                       ncols=6 if max(map(len, labels)) < 6 else 3 if max(map(len, labels)) < 14 else 2,
+                       handlelength=2.6)
+
+
+def _shades(colour: str, count: int) -> list[str]:
+    """``count`` shades of a colour, from a lighter one to a darker one."""
+    base = np.array(to_rgb(colour))
+    parts = np.linspace(_LIGHTER, -_DARKER, count) if count > 1 else np.zeros(1)
+    return [to_hex(base + part * (1 - base) if part > 0 else base * (1 + part)) for part in parts]
