@@ -113,7 +113,8 @@ def _list_scenes(sweeps: Sequence[Sweep], table: Table) -> str:
         return ""
     grounds = len(np.unique(table.scenes[table.scenes >= 0]))
     more = [f"{len(names) - _MOST_SCENES} more"] if len(names) > _MOST_SCENES else []
-    count = count_of(max(grounds, len(names)), "scene") + (f" from {len(names)} presets" if grounds > len(names) else "")
+    presets = f" from {len(names)} presets" if grounds > len(names) else ""
+    count = count_of(max(grounds, len(names)), "scene") + presets
     return f"{count}: {', '.join([*names[:_MOST_SCENES], *more])}"
 
 
