@@ -54,7 +54,7 @@ def _table(heads: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
 
 def _settings() -> str:
     parts = ["# Settings\n",
-             "This page lists every setting. It is generated from `properties.py`, which also determines the "
+             "This page lists every setting. It is generated from `settings/table.py`, which also determines the "
              "sidebar, the TOML files, `--set` and `pair.json`. A value outside the range is refused. Sliders end at "
              "the range in brackets; type a number to go beyond. Unit 1 is a plain number. *Repeat from* is the first "
              "step that must be repeated after a change: build the scene, render or evaluate. It is empty if none "
