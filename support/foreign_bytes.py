@@ -37,8 +37,11 @@ Parsed = TypeVar("Parsed")
 MOST_BYTES, MOST_MEMORY = 2**30, 2**28
 #: Largest text file: a plan of 100,000 pairs has 40 MB. Longest line of a text that is read line by line.
 MOST_TEXT, LONGEST_LINE = 2**26, 2**16
-#: Longest TOML text, which takes 4 s and 500 MB at most; most parts of one of its keys.
-MOST_TOML, _MOST_PARTS = 4_000_000, 10
+#: Longest TOML text, which takes 4 s and 500 MB at most; most parts of one of its keys, and of all of them, each of
+#: which may be a table.
+MOST_TOML, _MOST_PARTS, _MOST_TABLES = 4_000_000, 10, 400_000
+#: Lists and tables, and values, of one JSON text: some 100 bytes each once they are read, and 40.
+_MOST_LISTS, _MOST_VALUES = 1_000_000, 5_000_000
 #: Each byte of a file may be read so many times; formats whose tables lead to their data need two.
 _MOST_READINGS = 4
 #: Bytes that are split into lines at a time, at least.
@@ -313,7 +316,17 @@ def _split(parts: Iterable[bytes], end: bytes, longest: int) -> Iterator[tuple[i
 
 
 def parse_json(text: str | bytes) -> Any:
-    """The content of a JSON text. Raises ValueError for what is not JSON, or has a number that is not finite."""
+    """The content of a JSON text.
+
+    Raises ValueError for what is not JSON, has a number that is not finite, or more than ``_MOST_VALUES`` values.
+    """
+    # Each bracket and comma is one more value at the most; those in texts count too, of which files have few.
+    if isinstance(text, bytes):
+        lists, commas = text.count(b"[") + text.count(b"{"), text.count(b",")
+    else:
+        lists, commas = text.count("[") + text.count("{"), text.count(",")
+    if lists > _MOST_LISTS or commas > _MOST_VALUES:
+        raise ValueError(f"it has more than {_MOST_LISTS} lists and tables, or {_MOST_VALUES} values")
     try:
         return json.loads(text, parse_float=_parse_finite, parse_constant=_parse_finite)
     except RecursionError:
@@ -332,11 +345,17 @@ def parse_toml(text: str) -> dict[str, Any]:
     if len(text) > MOST_TOML:
         raise tomllib.TOMLDecodeError(f"it has {len(text) / 1e6:.0f} million characters, more than "
                                       f"{MOST_TOML / 1e6:g}")
+    tables = 0
     for number, line in enumerate(text.split("\n"), 1):  # tomllib looks at each beginning of a key
-        if line.count(".") > _MOST_PARTS:
-            head = line.partition("=")[0] if "=" in line else line if line.lstrip().startswith("[") else ""
-            if head.partition(",")[0].count(".") > _MOST_PARTS:
-                raise tomllib.TOMLDecodeError(f"line {number} has a key of more than {_MOST_PARTS} parts")
+        if "." not in line:
+            continue
+        head = line.partition("=")[0] if "=" in line else line if line.lstrip().startswith("[") else ""
+        parts = head.partition(",")[0].count(".")
+        tables += parts
+        if parts > _MOST_PARTS:
+            raise tomllib.TOMLDecodeError(f"line {number} has a key of more than {_MOST_PARTS} parts")
+        if tables > _MOST_TABLES:
+            raise tomllib.TOMLDecodeError(f"up to line {number} it has more than {_MOST_TABLES} tables in its keys")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError:

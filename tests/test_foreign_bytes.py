@@ -173,9 +173,11 @@ def test_a_deep_text_is_no_traceback():
                         (parse_toml, "a = " + "{a=" * 10**5), (parse_toml, "a = " + "1" * 5000),
                         (parse_toml, "a" + ".a" * 10**6 + " = 1"), (parse_toml, f"[{'a.' * 10**6}a]"),
                         (parse_toml, f"[{'a.' * 10**6}a]\n" + "b = 1\n" * 10**5), (parse_toml, "a = 1\n" * 10**6),
+                        (parse_toml, "\n".join(f"{k}.b.c.d.e.f.g.h = 1" for k in range(10**5))),
+                        (parse_json, "[" + "[]," * 10**6 + "[]]"), (parse_json, "[" + "1," * 6 * 10**6 + "1]"),
                         (parse_json, '{"a": NaN}'), (parse_json, "1" * 5000),
                         (parse_xml, "<!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>"), (parse_xml, "<a>")):
-        with pytest.raises(ValueError, match=r"deep|number|digits|document|element|parts|million"):
+        with pytest.raises(ValueError, match=r"deep|number|digits|document|element|parts|million|tables in|values"):
             parse(text)
 
 
