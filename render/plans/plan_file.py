@@ -30,6 +30,9 @@ from .sweeps import Sweep, Variation, check_keys, check_settings, load_included
 HEADER = ("title", "description", "extends", "include", "seeds", "draw_again", "grounds", "splits", "at_most", "files",
           "without")
 _SEEDS_MOST = 100000
+#: What plans extend to together, and what one combines; each shipped plan has far fewer. A plan that extends another
+#: twice, which extends another twice, has a million parents after twenty files.
+_MOST_DESIGNS, _MOST_SWEEPS = 100, 100
 #: Grounds that each of several plans that are extended is checked on at least.
 _LEAST_GROUNDS = 3
 
@@ -159,6 +162,9 @@ def _parse(path: Path, data: dict[str, Any], text: str, readers: tuple[Path, ...
     tables = data.pop("sweep", [])
     if not isinstance(tables, list) or not all(isinstance(table, Mapping) for table in tables):
         raise IcyMoonError(f"{whole.at('sweep')}: sweeps are tables of a list; write [[sweep]] with two brackets.")
+    if len(tables) > _MOST_SWEEPS:
+        raise IcyMoonError(f"{whole.at('sweep', _MOST_SWEEPS)}: this is one sweep more than the {_MOST_SWEEPS} that a "
+                           "plan may have; list the values of several in one.")
     designs = _read_parents(header, place, (*readers, path.resolve()))
     for k, table in enumerate(tables):
         designs = _with_sweep(designs, table, whole.at("sweep", k))
@@ -208,6 +214,9 @@ def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, 
             designs += _read_extended(path, readers).designs
         except IcyMoonError as error:
             raise IcyMoonError(f"{at}: {error}") from None
+        if len(designs) > _MOST_DESIGNS:
+            raise IcyMoonError(f"{at}: with this one more than {_MOST_DESIGNS} plans are extended; name fewer, each "
+                               "once.")
     designs = designs or [Design()]
     for name, at in _names(header, "without", place):
         if not any(name == sweep.name for design in designs for sweep in design.sweeps):

@@ -19,7 +19,7 @@ from ...physics.refused_scenes import LOWEST_M
 from ...physics.terrain.sites import RockyGround
 from ...typed_settings import Settings
 from .planned_pair import turned_heading_deg
-from .sweeps import Sweep, Variation, axis_generator, check_keys, check_settings, read_count
+from .sweeps import Sweep, Variation, axis_generator, check_keys, check_pair_count, check_settings, read_count
 
 #: Returns the ground of complete settings, or raises IcyMoonError where it is a file.
 Ground = Callable[[Settings], RockyGround]
@@ -77,10 +77,13 @@ def _make_view_sphere(sweep: Sweep, base: Settings, ground: Ground) -> list[Vari
     if not math.isfinite(target[2]):
         raise IcyMoonError(f"{sweep.place}: there is no ground at the target, east {target[0]:g} m, north "
                            f"{target[1]:g} m; change rig.x_m and rig.y_m.")
+    distances, elevations, azimuths = (_read_numbers(sweep, key)
+                                       for key in ("distances_m", "elevations_deg", "azimuths_deg"))
+    check_pair_count(len(distances) * len(elevations) * len(azimuths), sweep.place)
     made = []
-    for distance in _read_numbers(sweep, "distances_m"):
-        for elevation in _read_numbers(sweep, "elevations_deg"):
-            for azimuth in _read_numbers(sweep, "azimuths_deg"):
+    for distance in distances:
+        for elevation in elevations:
+            for azimuth in azimuths:
                 x, y, z = target + distance * toward(azimuth, elevation)
                 x, y = (float(f"{v:.6g}") for v in (x, y))
                 height = z - float(standing.heights(x, y))

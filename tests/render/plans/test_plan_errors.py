@@ -46,6 +46,13 @@ WRONG = {
     "a year of many digits": (HEAD + '[light]\ndirections_from = "DATE"\ndate_utc = "99999999999999999999-01-01"  # !',
                               ("2035-03-01",)),
     "headings of many seeds": (HEAD + "seeds = 1000\n[dataset]\nheadings = 360  # !", ("360000 pairs", "100000")),
+    "more views than pairs": (
+        HEAD + f'[[sweep]]  # !\nkind = "view_sphere"\ndistances_m = 2\nelevations_deg = {[30] * 400}\n'
+        f"azimuths_deg = {[1] * 400}", ("160000 pairs", "100000")),
+    "sweeps without end": (HEAD + '[[sweep]]\nkind = "panorama"\n' * 100 + '[[sweep]]  # !\nkind = "panorama"',
+                           ("one sweep more than the 100",)),
+    "a plan extended without end": (HEAD + f"extends = {['datasets/guiss_smoke'] * 101}  # !",
+                                    ("more than 100 plans",)),
     "without": (HEAD + 'without = ["suns"]  # !', ("suns",)),
     "no kind": (HEAD + "[[sweep]]  # !\nsurface.albedo = [0.1]", ("kind", "grid")),
     "a kind": (HEAD + '[[sweep]]\nkind = "gird"  # !', ("gird", "'grid'")),
