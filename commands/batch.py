@@ -278,7 +278,7 @@ def _run_verify(options: argparse.Namespace) -> int:
         if options.json:
             printer.emit("problem", **problem.to_json())
         else:
-            printer.say(problem.text)
+            printer.say(printer.show_controls(problem.text))
     if options.json:
         printer.emit("result", pairs=found.pairs, complete=found.complete, problems=len(found.problems))
     elif not found.problems:

@@ -88,11 +88,11 @@ def find_reason_to_keep(path: Path, dataset: Path) -> str:
         return "it is a link or lies behind one"
     if path.is_dir() and inside != "pairs":
         return "it is a folder"
-    foreign = _find_foreign(path) if inside == "pairs" and _ID.fullmatch(path.name) else ""
+    foreign = find_foreign(path) if inside == "pairs" and _ID.fullmatch(path.name) else ""
     return f"{foreign} in it is not Icy Moon's" if foreign else ""
 
 
-def _find_foreign(folder: Path) -> str:
+def find_foreign(folder: Path) -> str:
     """The name of something in a pair's folder that we did not write, or of what is there in its place."""
     if not folder.is_dir():
         return "what is" if folder.exists() else ""

@@ -20,6 +20,7 @@ from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT, parse_name
 from ..pairs.our_files import (
     INPUTS,
+    find_foreign,
     find_reason_to_keep,
     is_claim,
     is_of_a_pair,
@@ -117,6 +118,8 @@ def _check_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[
                           "render the pair again, move it away.")
         else:
             yield Problem("broken", planned.id, text, folder)
+    if foreign := find_foreign(folder):
+        yield Problem("foreign", planned.id, f"{folder / foreign} is not Icy Moon's; move it out of the pair's folder.")
 
 
 def _find_link(folder: Path) -> Path | None:

@@ -136,6 +136,22 @@ def test_an_edited_pair_that_no_plan_has_is_a_state(dataset):
     assert the_problem(dataset).kind == "foreign"
 
 
+def test_what_lies_in_a_pairs_folder_and_is_not_ours_is_reported_and_stays(dataset):
+    inner = PAIRS[1].folder(dataset) / "inner"
+    inner.mkdir()
+    problem, = verify(dataset, remove_broken=True).problems
+    assert (problem.kind, problem.what) == ("foreign", PAIRS[1].id)
+    assert str(inner) in problem.text
+    assert inner.is_dir()
+
+
+def test_a_name_forges_no_line(dataset, capsys):
+    (dataset / "pairs" / "x\n4 pairs, all whole and as planned.").mkdir()
+    assert main(["verify", str(dataset)]) == 1
+    line, = capsys.readouterr().out.splitlines()
+    assert "x\\n4 pairs" in line
+
+
 # Pairs decide
 
 def first_light(dataset: Path) -> Path:
