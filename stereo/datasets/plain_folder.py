@@ -38,11 +38,13 @@ FILE = "pairs.toml"
 _PLACE = "{pair}"
 _NOT_ZERO = Kind("a number other than 0", lambda value: NUMBER.fits(value) and value != 0)
 _ALONG = Kind('"axis" or "ray"', lambda value: value in ("axis", "ray"))
+#: Of a focal length (px) or a baseline (m): beyond these no product of two is one of a camera.
+_SIZE = Kind("a number from 1e-9 to 1e9", lambda value: POSITIVE.fits(value) and 1e-9 <= value <= 1e9)
 _SHAPE: dict[str, dict[str, Any]] = {
     "images": {"left": TEXT, "right": TEXT, "linear": Maybe(FLAG)},
     "truth": {"disparity": Maybe(TEXT), "depth": Maybe(TEXT), "steps": Maybe(_NOT_ZERO), "right": Maybe(TEXT),
               "visible": Maybe(TEXT), "along": Maybe(_ALONG)},
-    "camera": {"focal_px": POSITIVE, "baseline_m": POSITIVE, "cx_px": Maybe(NUMBER), "cy_px": Maybe(NUMBER),
+    "camera": {"focal_px": _SIZE, "baseline_m": _SIZE, "cx_px": Maybe(NUMBER), "cy_px": Maybe(NUMBER),
                "doffs_px": Maybe(NUMBER)}}
 _FIX = "write it as the manual's page on foreign data shows"
 
@@ -95,6 +97,9 @@ def _checked_pattern(path: Path, key: str, pattern: str) -> str:
     if _PLACE not in pattern:
         raise IcyMoonError(f"{path}: {key} is {pattern[:60]!r}, the same file for all pairs; write {_PLACE} where the "
                            "name of the pair stands.")
+    if _PLACE * 2 in pattern:
+        raise IcyMoonError(f"{path}: {key} is {pattern[:60]!r}, with {_PLACE} twice without anything between; write it "
+                           "once there.")
     return pattern
 
 

@@ -145,7 +145,9 @@ DEPTH_FILE, CAMERA = 'depth = "d/{pair}.npy"\n', "[camera]\nfocal_px = 1\nbaseli
     (IMAGES + DEPTH_FILE.replace("depth", "depht") + CAMERA, "unknown key truth.depht"),
     (IMAGES + DEPTH_FILE + CAMERA + "[camra]\n", "unknown table camra"),
     (IMAGES.replace("l/{pair}", "l/a") + DEPTH_FILE + CAMERA, "the same file for all pairs"),
-    (IMAGES + DEPTH_FILE + CAMERA.replace("px = 1", "px = -1"), "camera.focal_px is -1, not a number above 0"),
+    (IMAGES + DEPTH_FILE + CAMERA.replace("px = 1", "px = -1"), "camera.focal_px is -1, not a number from 1e-9 to 1e9"),
+    (IMAGES + DEPTH_FILE + CAMERA.replace("px = 1", "px = 1e308"), "not a number from 1e-9 to 1e9"),
+    (IMAGES.replace("l/{pair}", "l/{pair}{pair}") + DEPTH_FILE + CAMERA, "twice without anything between"),
     (IMAGES + DEPTH_FILE + "steps = 0\n" + CAMERA, "truth.steps is 0, not a number other than 0"),
     (IMAGES + DEPTH_FILE + CAMERA, "there is no file l/{pair}.png")])
 def test_a_wrong_toml(tmp_path, toml, words):
