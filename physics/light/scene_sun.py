@@ -8,7 +8,7 @@ only.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -76,9 +76,10 @@ def as_it_stands(described: SceneSun, direction: np.ndarray, irradiance_wm2: flo
     same = (np.allclose(stands, [*described.direction, described.distance_m], rtol=_SAME, atol=_SAME) and np.allclose(
         [irradiance_wm2, angular_diameter_deg], [described.irradiance_wm2, described.angular_diameter_deg],
         rtol=_SAME, atol=1e-9))
-    if same:
-        return described  # a lamp is in single precision
-    return SceneSun(direction / np.linalg.norm(direction), irradiance_wm2, angular_diameter_deg, BY_HAND,
+    shown = direction / np.linalg.norm(direction)
+    if same:  # The lamp is in single precision, and at a grazing Sun that is a percent of the light of the images.
+        return replace(described, direction=shown)
+    return SceneSun(shown, irradiance_wm2, angular_diameter_deg, BY_HAND,
                     distance_m=distance_m)
 
 

@@ -39,8 +39,9 @@ def test_its_angles_and_its_light_on_level_ground_follow_from_its_direction(azim
 def test_what_was_changed_by_hand_is_known(changed, source):
     found = stands(described(), **changed)
     assert found.source == source
-    for key, value in changed.items():
-        np.testing.assert_allclose(getattr(found, key), value, rtol=1e-6)
+    for key, value in changed.items():  # the lamp's own: what single precision leaves out shows at a grazing Sun
+        np.testing.assert_allclose(getattr(found, key), value / np.linalg.norm(value) if key == "direction" else value,
+                                   rtol=1e-12)
 
 
 def test_what_the_planet_hides_is_left_out_once():
