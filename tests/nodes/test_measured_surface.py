@@ -150,7 +150,7 @@ def test_files_that_cannot_be_used_change_nothing(shown, tmp_path):
     item = measured_surface.build_points(scene, [folder / "right.ply"], "right")
     content = (folder / "right.ply").read_bytes()
     (tmp_path / "cut.ply").write_bytes(content[:-100])
-    for paths, reason in (([tmp_path / "none.ply"], "missing or damaged"),
+    for paths, reason in (([tmp_path / "none.ply"], "cannot be read"),
                           ([tmp_path / "cut.ply"], "missing or damaged"),
                           ([folder / "blind.ply"], "measured nothing")):
         with pytest.raises(IcyMoonError, match=reason):

@@ -27,14 +27,14 @@ def prepared(root: Path):
 
 
 def test_bytes_behind_the_end_of_a_jpeg_are_fine():
-    image = prepared(CASES / "16_jpeg_with_trailer").left
-    content = (CASES / "16_jpeg_with_trailer" / "left" / "a.jpg").read_bytes()
+    image = prepared(CASES / "16_jpeg_with_trailer" / "data").left
+    content = (CASES / "16_jpeg_with_trailer" / "data" / "left" / "a.jpg").read_bytes()
     np.testing.assert_array_equal(image, cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED))
     assert b"\xff\xd9" not in content[-64:]
 
 
 def test_a_pfm_of_windows_is_read():
-    path = CASES / "17_pfm_crlf" / "truth" / "a.pfm"
+    path = CASES / "17_pfm_crlf" / "data" / "truth" / "a.pfm"
     truth = prepared(path.parents[1]).truth
     width, height = truth.shape[::-1]
     body = np.frombuffer(path.read_bytes()[-4 * truth.size:], "<f4").reshape(height, width)[::-1]
@@ -42,7 +42,7 @@ def test_a_pfm_of_windows_is_read():
 
 
 def test_eight_bits_with_stated_steps_are_read(tmp_path):
-    path = CASES / "19_disparity_png8" / "truth" / "a.png"
+    path = CASES / "19_disparity_png8" / "data" / "truth" / "a.png"
     counted = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
     assert counted.dtype == np.uint8
     truth = prepared(path.parents[1]).pair.camera.disparity(prepared(path.parents[1]).truth)

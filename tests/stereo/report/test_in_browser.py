@@ -67,7 +67,7 @@ def test_every_heading_of_the_ranking_sorts_both_ways(page):
             assert values == sorted(values, reverse=state == "descending")
         assert len(set(found[0][1])) == 2  # or the order would show nothing
     page.click(f"{HEADINGS}[0]")
-    assert [row[0] for row in rows(page, "ranking")] == ["bm", "sgbm"]
+    assert [row[0] for row in rows(page, "ranking")] == ["SGBM", "StereoBM"]
 
 
 def test_the_address_keeps_view_condition_and_sorting(page, address):
@@ -112,9 +112,9 @@ def test_a_picture_enlarges_steps_and_closes_by_mouse_and_keys(page):
     assert first.startswith("Left image, Albedo 0.2")
     assert page.value("document.getElementById('large').src.startsWith('data:')")
     page.press("ArrowRight")
-    assert page.value(CAPTION).startswith("Error of bm, Albedo 0.2")
+    assert page.value(CAPTION).startswith("Error of StereoBM, Albedo 0.2")
     page.press("ArrowDown")
-    assert page.value(CAPTION).startswith("Error of bm, Albedo 0.4")
+    assert page.value(CAPTION).startswith("Error of StereoBM, Albedo 0.4")
     page.press("ArrowUp")
     page.press("ArrowLeft")
     page.press("ArrowLeft")  # there is none before the first one
@@ -128,7 +128,7 @@ def test_a_picture_enlarges_steps_and_closes_by_mouse_and_keys(page):
     page.click("document.getElementById('next')")
     page.click("document.getElementById('large')")
     assert not page.value(OPEN)
-    assert page.value("document.activeElement.getAttribute('aria-label')").startswith("Enlarge: Error of bm")
+    assert page.value("document.activeElement.getAttribute('aria-label')").startswith("Enlarge: Error of StereoBM")
     page.click("document.querySelector('.pair .picture')")
     assert page.value(CAPTION).startswith("True depth, ")
     page.click("document.getElementById('close')")
