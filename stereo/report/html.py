@@ -114,8 +114,8 @@ def _list_scenes(sweeps: Sequence[Sweep], table: Table) -> str:
     grounds = len(np.unique(table.scenes[table.scenes >= 0]))
     more = [f"{len(names) - _MOST_SCENES} more"] if len(names) > _MOST_SCENES else []
     presets = f" from {len(names)} presets" if grounds > len(names) else ""
-    count = count_of(max(grounds, len(names)), "scene") + presets
-    return f"{count}: {', '.join([*names[:_MOST_SCENES], *more])}"
+    count = count_of(max(grounds, len(names)), "scene")
+    return f"{count}{presets}: {', '.join([*names[:_MOST_SCENES], *more])}"
 
 
 def choose_pairs(table: Table, names: Sequence[str]) -> list[str]:
