@@ -43,7 +43,7 @@ _MOST_SPLIT = 6
 #: Most settings that are named as varying together with another.
 _MOST_NAMED = 5
 #: Inches that a chart is high, and the parts by which the colour of a method is made lighter and darker for its lines.
-_HEIGHT, _LIGHTER, _DARKER = 2.9, 0.55, 0.3
+_HEIGHT, _LIGHTER, _DARKER = 2.9, 0.55, 0.12
 #: Characters in a line of a tick's label, and at most in all.
 _TICK, _LONGEST_TICK = 14, 28
 #: For a picture, which no page colours.
