@@ -6,6 +6,7 @@ PNG (W3C, third edition), JPEG (ITU T.81), TIFF, OpenEXR, WebP (RFC 9649), BMP, 
 from __future__ import annotations
 
 import math
+import struct
 
 from ..support.foreign_bytes import Cursor, ForeignBytes, RefusedError
 from .exr_layout import Part, read_layout
@@ -19,6 +20,8 @@ _PIXELS_PER_BYTE = 16
 _MOST_SCANS = 100
 #: Bytes of a header, but for JPEG, whose comments come before it.
 _MOST_HEADER = 2**16
+#: Bytes of a part of WebP that its size is in.
+_WEBP_SIZE_BYTES = 10
 #: Values of a pixel that take as much memory as one pixel in colours.
 _CHANNELS = 4
 
@@ -86,7 +89,9 @@ def _read_size(foreign: ForeignBytes, start: bytes) -> tuple[int, int]:
         cursor.skip(len(_PNG) + 8)
         width, height = cursor.unpack(">2I")
     elif start.startswith(b"RIFF") and start[8:12] == b"WEBP":
-        width, height = _read_webp_size(cursor)
+        cursor.skip(12)
+        kind, _ = cursor.unpack("<4sI")
+        width, height = webp_size(kind, cursor.take(min(_WEBP_SIZE_BYTES, cursor.left))) or (0, 0)
     elif start.startswith(b"BM"):
         cursor.skip(14)
         width, height = cursor.unpack("<2H" if cursor.number("<I") == 12 else "<2i")
@@ -104,20 +109,22 @@ def _read_size(foreign: ForeignBytes, start: bytes) -> tuple[int, int]:
     return width, abs(height)
 
 
-def _read_webp_size(cursor: Cursor) -> tuple[int, int]:
-    cursor.skip(12)
-    kind = cursor.take(4)
-    cursor.skip(4)
+def webp_size(kind: bytes, body: bytes) -> tuple[int, int] | None:
+    """Width and height that a part of a WebP file states in its first bytes; None if it states none.
+
+    Raises ValueError or struct.error if its beginning is damaged.
+    """
     if kind == b"VP8X":
-        cursor.skip(4)
-        width, height = (int.from_bytes(cursor.take(3), "little") for _ in range(2))
-        return width + 1, height + 1
-    if kind == b"VP8L":
-        cursor.skip(1)
-        bits = cursor.number("<I")
-        return (bits & 0x3fff) + 1, (bits >> 14 & 0x3fff) + 1
+        width, width_high, height, height_high = struct.unpack_from("<4xHBHB", body)
+        return 1 + width + (width_high << 16), 1 + height + (height_high << 16)
     if kind == b"VP8 ":
-        cursor.skip(6)
-        width, height = cursor.unpack("<2H")
+        mark, width, height = struct.unpack_from("<3x3sHH", body)
+        if mark != b"\x9d\x01\x2a":
+            raise ValueError("its pixels have no beginning")
         return width & 0x3fff, height & 0x3fff
-    raise ValueError(f"a part {kind!r}")
+    if kind == b"VP8L":
+        mark, bits = struct.unpack_from("<BI", body)
+        if mark != 0x2f:
+            raise ValueError("its pixels have no beginning")
+        return 1 + (bits & 0x3fff), 1 + (bits >> 14 & 0x3fff)
+    return None

@@ -79,8 +79,7 @@ def as_it_stands(described: SceneSun, direction: np.ndarray, irradiance_wm2: flo
     shown = direction / np.linalg.norm(direction)
     if same:  # The lamp is in single precision, and at a grazing Sun that is a percent of the light of the images.
         return replace(described, direction=shown)
-    return SceneSun(shown, irradiance_wm2, angular_diameter_deg, BY_HAND,
-                    distance_m=distance_m)
+    return SceneSun(shown, irradiance_wm2, angular_diameter_deg, BY_HAND, distance_m=distance_m)
 
 
 def from_json(light: Any) -> SceneSun | None:

@@ -81,11 +81,6 @@ def read_checksum(path: Path) -> str:
         return ""
 
 
-def read_content(path: Path, most: int = MOST_TEXT) -> bytes:
-    """The content of a small file. Raises IcyMoonError if it is missing, no regular file, or too large."""
-    return read(path, ForeignBytes.content, "a file", "give an existing file", most)
-
-
 def read_text(path: Path) -> str:
     """The content of a text file. Raises IcyMoonError if it is missing, too large, or no text."""
     return read(path, ForeignBytes.text, "a text file", "save it as UTF-8", MOST_TEXT)

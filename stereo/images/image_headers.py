@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...formats.image_size import webp_size
 from ...support.foreign_bytes import Cursor, ForeignBytes, RefusedError
 
 #: Most pixels of an image of others: eight times the largest images of Middlebury. Most bytes of them: 32 bits each,
@@ -205,7 +206,7 @@ def parse_webp(foreign: ForeignBytes) -> Encoded:
             continue
         if kind == b"VP8X":
             body = bytes([body[0] & _WEBP_OPACITY]) + body[1:]  # what else it announces is left out
-        if size := _webp_size(kind, body):
+        if size := webp_size(kind, body):
             sizes.append(size)
         kept.append(struct.pack("<4sI", kind, length) + body + b"\0" * (length & 1))
     else:
@@ -216,24 +217,6 @@ def parse_webp(foreign: ForeignBytes) -> Encoded:
     most = _charge(foreign, 4 * check_size(width, height))
     content = b"WEBP" + b"".join(kept)
     return Encoded(b"RIFF" + struct.pack("<I", len(content)) + content, width, height, most)
-
-
-def _webp_size(kind: bytes, body: bytes) -> tuple[int, int] | None:
-    """Width and height that a part states; None if it states none."""
-    if kind == b"VP8X":
-        width, width_high, height, height_high = struct.unpack_from("<4xHBHB", body)
-        return 1 + width + (width_high << 16), 1 + height + (height_high << 16)
-    if kind == b"VP8 ":
-        mark, width, height = struct.unpack_from("<3x3sHH", body)
-        if mark != b"\x9d\x01\x2a":
-            raise ValueError("its pixels have no beginning")
-        return width & 0x3fff, height & 0x3fff
-    if kind == b"VP8L":
-        mark, bits = struct.unpack_from("<BI", body)
-        if mark != 0x2f:
-            raise ValueError("its pixels have no beginning")
-        return 1 + (bits & 0x3fff), 1 + (bits >> 14 & 0x3fff)
-    return None
 
 
 def _packed(foreign: ForeignBytes) -> bytes:
