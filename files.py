@@ -7,6 +7,7 @@ import glob
 import hashlib
 import itertools
 import json
+import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -152,10 +153,11 @@ def sha256(path: Path) -> str:
     return found.hexdigest()
 
 
-def read_checksum(path: Path) -> str:
-    """Checksum of a file; empty if it cannot be read, which is reported where the file is used."""
+def read_checksum(path: Path, most: float = math.inf) -> str:
+    """Checksum of a file; empty if it cannot be read or has more than ``most`` bytes, which is reported where it is
+    used."""
     try:
-        return sha256(path)
+        return sha256(path) if path.stat().st_size <= most else ""
     except OSError:
         return ""
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import sha256, shorten
+from ...files import shorten
 from ...formats import tiff
-from ...support.foreign_bytes import MOST_BYTES, ForeignBytes, RefusedError, parse_npy, parse_npz, read
+from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
 from ..adapters.icymoon_serve import drop_single_axes
 from ..images.bounded_decoding import decode, decode_exr
 from ..images.exr_header import EXR, parse_channels
@@ -71,14 +71,6 @@ def find_inside(root: Path, name: str | Path) -> Path:
     if not there:
         raise IcyMoonError(f"{path} is missing; add it, or give another folder.")
     return path
-
-
-def read_checksum(path: Path) -> str:
-    """Checksum of a file; empty if it cannot be read, or is too large to be, which is reported where it is used."""
-    try:
-        return sha256(path) if path.is_file() and path.stat().st_size <= MOST_BYTES else ""
-    except OSError:
-        return ""
 
 
 def read_text(path: Path) -> str:

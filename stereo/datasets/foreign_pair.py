@@ -13,8 +13,10 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...file_shapes import FILE_NAME
+from ...files import read_checksum
 from ...physics.camera.hidden_points import is_in_frame, matching_column
 from ...render.pairs.pair_folder import StereoCamera
+from ...support.foreign_bytes import MOST_BYTES
 from ..images import colours
 from ..images.disparity_and_occlusion import ESTIMATED, MASK, visible_in_right
 from ..images.image_values import describe_size, to_grey
@@ -24,7 +26,7 @@ from ..measure.fit_check import Places, find_places, ray_lengths, without_far_pl
 from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from ..measure.self_check import SelfCheck
-from .data_files import MapFile, read_checksum, read_image, read_map, read_radiance
+from .data_files import MapFile, read_image, read_map, read_radiance
 from .input_faults import WRONG_SIGN, check_truth
 
 #: Share of the width that matchers search where a data set states no range.
@@ -77,7 +79,7 @@ class ForeignPair:
     def content(self) -> list[Any]:
         """What its numbers depend on: the checksums of its files, empty for one that cannot be read."""
         described = [self.layout, self.truth.kind, self.truth.steps, self.white]
-        return [*described, *(read_checksum(path) for path in self.files)]
+        return [*described, *(read_checksum(path, MOST_BYTES) for path in self.files)]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
         """Read the pair, and compute what matchers and metrics need. No sensor model is applied.

@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 from hostile_images import EXRS, JPEGS, PNGS, WEBPS
 from icymoon.errors import IcyMoonError
-from icymoon.stereo.datasets.data_files import MapFile, read_checksum, read_image, read_map
+from icymoon.files import read_checksum
+from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.sources import find_sources
+from icymoon.support.foreign_bytes import MOST_BYTES
 
 CASES = Path(__file__).parents[2] / "data" / "cases"
 
@@ -64,9 +66,9 @@ def test_pictures_of_sceneflow_as_webp(tmp_path):
 def test_a_sparse_file_is_not_read_for_its_checksum(tmp_path):
     with (tmp_path / "a.png").open("wb") as stream:
         stream.truncate(2**40)
-    assert read_checksum(tmp_path / "a.png") == ""
+    assert read_checksum(tmp_path / "a.png", MOST_BYTES) == ""
     os.mkfifo(tmp_path / "pipe")
-    assert read_checksum(tmp_path / "pipe") == ""
+    assert read_checksum(tmp_path / "pipe", MOST_BYTES) == ""
 
 
 @pytest.mark.heavy
