@@ -118,7 +118,7 @@ def _find_shifts(mesh: bpy.types.Mesh, place: np.ndarray, groups: np.ndarray, th
             found = baked_texels.lay_out(starts, counts, corners, areas, wanted)
         except ValueError:
             raise IcyMoonError("The ground has facets with more than four corners, whose displacement cannot be "
-                               "exported; set surface.relief to REAL or BUMP.") from None
+                               "exported; set surface.relief to BUMP.") from None
         still, moved = _bake(mesh, place, found, threads)
         for sides, texels in zip((3, 4), found.texels, strict=True):
             facets = np.flatnonzero((counts == sides) & wanted)
