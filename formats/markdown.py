@@ -21,6 +21,8 @@ _KEPT = re.compile(r"`(?P<code>[^`]+)`|\$\$(?P<block>.+?)\$\$|(?<![\w$])\$(?P<te
                    re.DOTALL)
 _ITEM = re.compile(r"(?:[*-]|\d+\.) +")
 _RULE = re.compile(r"\|?[\s:|-]+\|?")
+#: The HTML that generated pages contain, after it was escaped: line breaks, places of links, and two signs.
+_ESCAPED_HTML = re.compile(r'&lt;(br|span id="[\w.]+"|/span)&gt;|&amp;(nbsp|lt);')
 
 
 def formulas(text: str) -> list[tuple[str, bool]]:
@@ -39,7 +41,7 @@ def page_html(text: str, address: Address, formula: Formula) -> str:
     def inline(text: str) -> str:
         return _inline(text, address, formula)
 
-    text = re.sub(r"\A---\n.*?\n---\n", "", text, flags=re.DOTALL)
+    text = re.sub(r"\A(?:---\n.*?\n---|<!--[^\n]*-->)\n", "", text, flags=re.DOTALL)
     text = _PICTURE.sub(lambda found: f"*Picture: {found[1]}*" if found[1] else "", text)
     lines, blocks, k = text.splitlines(), [], 0
     while k < len(lines):
@@ -97,6 +99,10 @@ def _table(lines: list[str], inline: Callable[[str], str]) -> str:
     return f"<table>{''.join(rows)}</table>"
 
 
+def _unescaped(found: re.Match[str]) -> str:
+    return f"<{found[1]}>" if found[1] else f"&{found[2]};"
+
+
 def _inline(text: str, address: Address, formula: Formula) -> str:
     """Text with code, formulas, links and emphasis."""
     def linked(found: re.Match[str]) -> str:
@@ -110,7 +116,8 @@ def _inline(text: str, address: Address, formula: Formula) -> str:
                     formula(_tex(found)) or html.escape(found[0], quote=False))
         return f"\0{len(kept) - 1}\0"
 
-    text = _LINK.sub(linked, html.escape(_KEPT.sub(keep, text), quote=False))
+    text = _ESCAPED_HTML.sub(_unescaped, html.escape(_KEPT.sub(keep, text), quote=False))
+    text = _LINK.sub(linked, text)
     text = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", text)
     text = re.sub(r"(?<![\w*])\*([^\s*](?:[^*]*[^\s*])?)\*(?![\w*])", r"<i>\1</i>", text)
     return re.sub(r"\0(\d+)\0", lambda found: kept[int(found[1])], text)

@@ -60,6 +60,13 @@ def test_what_is_no_markdown_stays_text_and_runs_nothing():
     assert "a &lt; b &amp; <i>c</i> <code>&lt;i&gt;</code>" in page
 
 
+def test_of_html_only_breaks_places_and_two_signs_are_kept():
+    page = page_html('<!-- x -->\n\n<span id="a.b"></span>c<br>1&nbsp;m &lt;d> <span id="x" onclick="y"> <br x> &copy;',
+                     lambda link: None, lambda tex: None)
+    assert page == ('<p><span id="a.b"></span>c<br>1&nbsp;m &lt;d&gt; &lt;span id="x" onclick="y"&gt; &lt;br x&gt; '
+                    '&amp;copy;</p>')
+
+
 def test_formulas_are_found_outside_of_code_and_replaced():
     text = "The $a_1 *b* c$ of `$x$`, 5 $ and 6 $, or\n\n```\necho $HOME $USER\n```\n\n$$y\n= 2$$\n"
     assert formulas(text) == [("a_1 *b* c", False), ("y = 2", True)]
