@@ -8,7 +8,7 @@ ZIP := dist/icymoon.zip
 PROCESSES ?= $(shell echo $$(($$(nproc 2>/dev/null || echo 2) + 1)))
 PYTEST := $(RUN) -m pytest --numprocesses $(PROCESSES) --maxprocesses 4 --dist worksteal
 
-.PHONY: demo env test test-ci test-all test-lanes measure-tests test-ends mutants lint zip store lock docs clean
+.PHONY: demo env test test-ci test-all test-lanes measure-tests test-ends mutants lint zip store lock docs docs-pages clean
 
 demo: $(VENV)/.demo
 	$(RUN) -m icymoon demo
@@ -68,6 +68,10 @@ store: $(VENV)/.demo
 # What Install Evaluator installs, anew: the newest versions within the tested bounds, but OpenCV as the tests have it.
 lock: $(VENV)/.tests
 	$(RUN) tests/lock.py opencv-contrib-python-headless==4.11.0.86
+
+# Writes anew the pages and figures of docs/ that are made from the code.
+docs-pages: $(VENV)/.tests
+	$(RUN) docs/make/generated.py
 
 # The manual, as pages that need no server and no network: dist/manual/index.html.
 docs: $(VENV)/.docs

@@ -32,7 +32,8 @@ _PAGES = {"terrain": "theory/terrain", "hills": "theory/terrain", "mesh": "theor
           "lander": "howto/lander", "arm": "howto/lander", "workspace": "theory/decisions",
           "sensor": "theory/sensor", "quality": "howto/speed", "dataset": "datasets"}
 #: The folders of the pages as the top of a page lists them.
-_GROUPS = {"": "Start", "tutorial": "Tutorials", "howto": "How to", "theory": "Theory", "reference": "Reference"}
+_GROUPS = {"": "Start", "tutorial": "Tutorials", "howto": "How to", "theory": "Theory", "reference": "Reference",
+           "notebooks": "Notebooks"}
 _STYLE = """body{font:16px/1.5 sans-serif;max-width:46em;margin:2em auto;padding:0 1em;color:#222;background:#fff}
 nav{font-size:85%;border-bottom:1px solid #999;padding-bottom:.6em}nav a{margin-right:.9em;white-space:nowrap}
 nav p{margin:.2em 0;padding-left:6em;text-indent:-6em}nav b{display:inline-block;width:6em;text-indent:0}

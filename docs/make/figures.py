@@ -1,7 +1,5 @@
 """The figures of the manual, each drawn by the code that it illustrates.
 
-    python docs/make/figures.py FOLDER      all of them, as SVG
-
 The same code gives the same bytes: no date, no random ids, letters as outlines.
 """
 
@@ -10,6 +8,7 @@ from __future__ import annotations
 import io
 import json
 import math
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -72,7 +71,7 @@ def terrain_law(figure: Figure) -> None:
 def terrain_profiles(figure: Figure) -> None:
     """Cuts through the ground for three Hurst exponents with the same RMS slope."""
     rows = figure.subplots(3, sharex=True, sharey=True)
-    x = np.linspace(-5, 5, 2001)
+    x = np.linspace(-5, 5, 1001)
     for axes, hurst, colour in zip(rows, (0.5, 0.7, 0.9), COLOURS, strict=False):
         made = grounds.make_terrain(described(terrain={"hurst": hurst}), 1)
         axes.fill_between(x, made.heights(x, np.zeros_like(x)), -3, color=colour, lw=0)
@@ -296,21 +295,30 @@ FIGURES: dict[str, Callable[[Figure], None]] = {f.__name__: f for f in (
     planet_phase, photon_transfer, exposure_response, depth_error, cautious_matcher, trade_front)}
 
 
+#: A number with more digits than a screen shows. Those of a scale make small letters of large outlines, and stay.
+_LONG_NUMBER = re.compile(r"scale\([^)]*\)|-?\d+\.\d{3,}")
+
+
+def _rounded(found: re.Match[str]) -> str:
+    return found[0] if found[0].startswith("scale") else f"{float(found[0]):.2f}".rstrip("0").rstrip(".")
+
+
+#: The name that Matplotlib gives to a marker or a clip path: a hash of how this NumPy writes its numbers.
+_HASH = re.compile(r"\b[mp][0-9a-f]{10}\b")
+
+
+def _plain(text: str) -> str:
+    """A drawing with rounded numbers, and with names in the order in which they appear."""
+    names: dict[str, str] = {}
+    numbered = _HASH.sub(lambda found: names.setdefault(found[0], f"shape{len(names) + 1}"), text)
+    return _LONG_NUMBER.sub(_rounded, numbered)
+
+
 def svg(name: str) -> bytes:
-    """A figure as SVG."""
+    """A figure as SVG, in hundredths of a point."""
     with rc_context(STYLE):
         figure = Figure(figsize=(7.2, 3.6))
         FIGURES[name](figure)
         stream = io.BytesIO()
         figure.savefig(stream, format="svg", metadata={"Date": None})
-    return stream.getvalue()
-
-
-if __name__ == "__main__":
-    if len(sys.argv) != 2:
-        sys.exit(__doc__)
-    target = Path(sys.argv[1])
-    target.mkdir(parents=True, exist_ok=True)
-    for figure_name in FIGURES:
-        (target / f"{figure_name}.svg").write_bytes(svg(figure_name))
-        print(target / f"{figure_name}.svg")
+    return _plain(stream.getvalue().decode()).encode()

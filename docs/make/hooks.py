@@ -1,4 +1,4 @@
-"""MkDocs hooks of the manual: they add the generated pages and figures, and turn formulas into MathML.
+"""MkDocs hooks of the manual: they turn formulas into MathML.
 
 MathML needs no script and no font from elsewhere, so the manual can be read without a network.
 """
@@ -8,24 +8,13 @@ from __future__ import annotations
 import html
 import re
 
-import figures
 import formulas
-import reference
 from mkdocs.config.defaults import MkDocsConfig
-from mkdocs.structure.files import File, Files
+from mkdocs.structure.files import Files
 from mkdocs.structure.pages import Page
 
 #: The HTML that pymdownx.arithmatex makes of $…$ and $$…$$.
 _FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>', re.DOTALL)
-
-
-def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the generated pages and figures."""
-    for path, text in reference.pages().items():
-        files.append(File.generated(config, path, content=text))
-    for name in figures.FIGURES:
-        files.append(File.generated(config, f"figures/{name}.svg", content=figures.svg(name)))
-    return files
 
 
 def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files) -> str:

@@ -92,11 +92,24 @@ def texts(notebook: dict[str, Any]) -> list[str]:
             for output in cell.get("outputs", ()) if "image/png" not in output.get("data", {})]
 
 
+def _figures(notebook: dict[str, Any]) -> list[str]:
+    """The figures that cells show, as base64."""
+    return [output["data"]["image/png"] for cell in notebook["cells"] for output in cell.get("outputs", ())
+            if "image/png" in output.get("data", {})]
+
+
+def images() -> dict[str, bytes]:
+    """The figures that the pages show, by path below ``docs/``."""
+    return {f"notebooks/{name}-{number}.png": base64.b64decode(image)
+            for name in names() for number, image in enumerate(_figures(read(name)), start=1)}
+
+
 def pages() -> dict[str, str]:
-    """The notebooks as Markdown, figures within, by path below ``docs/``."""
+    """The notebooks as Markdown, by path below ``docs/``."""
     markdown: dict[str, str] = {}
     for name in names():
-        parts = []
+        parts: list[str] = []
+        shown = 0
         for cell in read(name)["cells"]:
             source = "".join(cell["source"])
             if cell["cell_type"] == "markdown":
@@ -104,8 +117,9 @@ def pages() -> dict[str, str]:
                 continue
             parts.append(f"```python\n{source}\n```")
             for output in cell["outputs"]:
-                if image := output.get("data", {}).get("image/png"):
-                    parts.append(f'<img alt="What the cell shows" src="data:image/png;base64,{image}">')
+                if "image/png" in output.get("data", {}):
+                    shown += 1
+                    parts.append(f"![What the cell shows]({name}-{shown}.png)")
                 else:
                     text = "".join(output.get("text") or output["data"]["text/plain"]).rstrip()
                     parts.append(f"```text\n{text}\n```")

@@ -1,6 +1,6 @@
 """The reference pages of the manual, generated from the code that they document.
 
-``pages`` returns Markdown by path below ``docs/``: settings and their ranges from ``properties.TOPICS``,
+``pages`` returns Markdown by path below ``docs/``: settings and their ranges from ``settings/table.py``,
 presets and their sources from the TOML files, both command lines from their parsers, matchers from
 their options, operators from their source. Needs no Blender.
 """
@@ -32,8 +32,16 @@ EFFECTS = {"geometry": "build", "material": "render", "light": "render", "lander
            "sampling": "render", "response": "evaluate", "run": ""}
 
 
+#: The first line of a generated page, which a browser does not show.
+HEADER = "<!-- This page is generated. Change what it is made from, then run: make docs-pages -->\n\n"
+
+
 def pages() -> dict[str, str]:
     """Every generated page."""
+    return {path: HEADER + text for path, text in _bodies().items()}
+
+
+def _bodies() -> dict[str, str]:
     return {"reference/settings.md": _settings(), "reference/presets.md": _presets(), "reference/cli.md": _cli(),
             "reference/matchers.md": _matchers(), "reference/operators.md": _operators(),
             "reference/errors.md": _errors(), "reference/python.md": _python(),

@@ -1,8 +1,9 @@
-"""The manual as the tests read it: its pages, those that are made included, their headings, links and code."""
+"""The manual as the tests read it: its pages, those that are generated included, their headings, links and code."""
 
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -35,15 +36,32 @@ class Block:
 
 @cache
 def written() -> dict[str, str]:
-    """Text of the pages in the repository, by their path in it."""
+    """Text of the pages that are written by hand, by their path in the repository."""
     paths = [*(ROOT / name for name in TOP), *sorted((ROOT / "docs").rglob("*.md"))]
-    return {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for path in paths}
+    names = [name for path in paths if (name := path.relative_to(ROOT).as_posix()) not in generated()]
+    return {name: (ROOT / name).read_text(encoding="utf-8") for name in names}
+
+
+@cache
+def generated() -> dict[str, str]:
+    """Text of the pages as the code gives them now, by the path at which the repository keeps them."""
+    return {f"docs/{path}": text for path, text in reference.pages().items()}
 
 
 @cache
 def pages() -> dict[str, str]:
-    """The same and the pages that are made."""
-    return written() | {f"docs/{path}": text for path, text in reference.pages().items()}
+    """All of them."""
+    return written() | generated()
+
+
+@cache
+def files() -> frozenset[str]:
+    """The files of a clone: those that git has or would take, or all that are there if this is no clone."""
+    listed = subprocess.run(["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], cwd=ROOT,
+                            capture_output=True, check=False)
+    names = listed.stdout.decode().split("\0") if not listed.returncode else [
+        path.relative_to(ROOT).as_posix() for path in ROOT.rglob("*")]
+    return frozenset(name for name in names if (ROOT / name).is_file())
 
 
 def blocks() -> Iterator[Block]:
