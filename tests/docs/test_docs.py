@@ -7,6 +7,7 @@ import importlib
 import importlib.util
 import re
 import tomllib
+from functools import cache
 
 import manual
 import pytest
@@ -26,6 +27,16 @@ BLOCKS = list(manual.blocks())
 LANGUAGES = ("sh", "powershell", "toml", "python", "text", "json")
 #: What a shell of Windows does not understand: its own words, a line that goes on, where an environment has its Python.
 ONLY_SH = re.compile(r"(?m)\\$|^(for|make|export|\.) |(\.venv|evaluator|networks)/bin/|\$\(")
+#: Files of the user's, or made by hand for an example, which no block of code and no source names.
+OF_USERS = {
+    "argparse.py", "icymoon.py",  # in a folder of somebody else, where Python would find them
+    "icymoon_few_paths.py", "frost_waves/__init__.py",  # modules of a package that the page describes
+    "make_pair.py", "plane.exr", "plane.pfm", "view_0000_left.npy", "view_0000_left.png", "view_0000_right.png",
+    "mine.toml", "seaice1.obj", ".aux.xml",
+    *(f"firn{map_}.png" for map_ in ("", "_albedo", "_height", "_normal", "_roughness", "_transmission")),
+    "evaluation/curves/surface.albedo.png", "right_deposits.png",  # made of a setting's name, of an eye's
+    "dist/manual/index.html",  # by MkDocs
+}
 
 
 def shell() -> list:
@@ -164,12 +175,48 @@ def test_every_piece_of_python_compiles_and_finds_what_it_imports(block):
 
 
 @pytest.mark.parametrize("page", WRITTEN)
-def test_every_setting_and_file_that_is_named_exists(page):
+def test_every_setting_that_is_named_exists(page):
     text = manual.written()[page]
     assert not commands.unknown_settings(text)
-    folders = "physics|nodes|render|stereo|operators|panels|presets|tests|benchmarks|docs"
-    for path in re.findall(rf"`(?:python )?((?:{folders})/[\w./]*)[` ]", text):
-        assert (ROOT / path).exists(), f"{page} names {path}"
+
+
+@cache
+def texts_of_files() -> tuple[str, str]:
+    """What the package contains, and what the blocks of code of all pages contain: names of files are in them."""
+    return ("\n".join(path.read_text(encoding="utf-8") for path in SOURCES),
+            "\n".join(block.code for block in BLOCKS))
+
+
+def is_there(name: str) -> bool:
+    """Whether a file or folder is in the repository or OF_USERS, is a preset, or is what a source or example names."""
+    name = name.rstrip("/")
+    if any(f"/{name}/" in f"/{path}/" for path in manual.files()):
+        return True
+    folder = name.split("/")[0]
+    if folder in {path.split("/")[0] for path in manual.files() if "/" in path}:
+        return False
+    if folder in preset_files.KINDS and "." not in name:
+        return name in preset_files.preset_names()
+    source, code = texts_of_files()
+    last = re.compile(rf"(?<![\w.]){re.escape(name.split('/')[-1])}(?!\w)")
+    written = not name.endswith(".py") and last.search(source)
+    return bool(name in OF_USERS or written or last.search(code))
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_every_file_that_is_named_is_there(page):
+    gone = sorted(name for name in manual.named_files(manual.pages()[page]) if not is_there(name))
+    assert not gone, f"{page} names what is neither in the repository nor written by Icy Moon nor in OF_USERS: {gone}"
+
+
+def test_a_file_that_is_gone_is_found():
+    names = manual.named_files("`settings/table.py`, `properties.py`, `settings/tables.py`, `docs/old/`, `FILE.toml`, "
+                               "`scenes/nowhere`, `nowhere.json`, `a.b`, `scenes/hapke_…` and `hapke_*.py`\n")
+    assert {name for name in names if not is_there(name)} == {
+        "properties.py", "settings/tables.py", "docs/old/", "scenes/nowhere", "nowhere.json"}
+    named = {name for text in manual.written().values() for name in manual.named_files(text)}
+    assert named >= OF_USERS, "a name in OF_USERS is on no page any more"
+    assert not [name for name in OF_USERS if name in manual.files()]
 
 
 @pytest.mark.parametrize(("command", "word"), [
