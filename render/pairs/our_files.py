@@ -88,16 +88,16 @@ def find_reason_to_keep(path: Path, dataset: Path) -> str:
         return "it is a link or lies behind one"
     if path.is_dir() and inside != "pairs":
         return "it is a folder"
-    foreign = find_foreign(path) if inside == "pairs" and _ID.fullmatch(path.name) else ""
+    foreign = next(iter(list_foreign(path)), "") if inside == "pairs" and _ID.fullmatch(path.name) else ""
     return f"{foreign} in it is not Icy Moon's" if foreign else ""
 
 
-def find_foreign(folder: Path) -> str:
-    """The name of something in a pair's folder that we did not write, or of what is there in its place."""
+def list_foreign(folder: Path) -> list[str]:
+    """The names of what is in a pair's folder and we did not write, links too, or of what is there in its place."""
     if not folder.is_dir():
-        return "what is" if folder.exists() else ""
-    return next((entry.name for entry in sorted(folder.iterdir())
-                 if not _PAIR_FILES.fullmatch(entry.name) or entry.is_symlink() or not entry.is_file()), "")
+        return ["what is"] if folder.exists() else []
+    return [entry.name for entry in sorted(folder.iterdir())
+            if not _PAIR_FILES.fullmatch(entry.name) or entry.is_symlink() or not entry.is_file()]
 
 
 def remove_ours(path: Path, dataset: Path) -> bool:

@@ -20,12 +20,12 @@ from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT, parse_name
 from ..pairs.our_files import (
     INPUTS,
-    find_foreign,
     find_reason_to_keep,
     is_claim,
     is_of_a_pair,
     is_regular,
     is_unfinished,
+    list_foreign,
     remove_ours,
 )
 from ..pairs.pair_folder import Pair, is_complete, read_pair
@@ -87,8 +87,9 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
         problems += found
     problems += _check_other_files(dataset, {pair.id for pair in frozen.pairs}, working)
     problems += _check_light(dataset, working)
+    told = {problem.what for problem in problems if problem.kind == "foreign"}  # with the reason why it stays
     for path in dict.fromkeys(problem.path for problem in problems if problem.path) if remove_broken else ():
-        if not remove_ours(path, dataset):
+        if not remove_ours(path, dataset) and path.name not in told:
             why = find_reason_to_keep(path, dataset) or "the disk does not allow it"
             problems.append(Problem("kept", path.name, f"{path} is not removed: {why}; look at it yourself."))
     return Findings(len(frozen.pairs), complete, tuple(problems))
@@ -97,8 +98,10 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
 def _check_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[Problem]:
     folder = planned.folder(dataset)
     if link := _find_link(folder):
-        yield Problem("foreign", planned.id, f"{link} is a link, which is no part of a pair; put what it leads to "
-                      "in its place, or remove it and run icymoon batch.", folder)
+        text = (f"{link} is a link, which is no part of a pair; put what it leads to in its place, or remove it and "
+                "run icymoon batch.")
+        strange = _find_strange(folder) if link.parent == folder else ()
+        yield Problem("foreign", planned.id, " ".join([text, *strange]))
         return
     if not (folder / "pair.json").is_file():
         if folder.exists():
@@ -118,8 +121,16 @@ def _check_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[
                           "render the pair again, move it away.")
         else:
             yield Problem("broken", planned.id, text, folder)
-    if foreign := find_foreign(folder):
-        yield Problem("foreign", planned.id, f"{folder / foreign} is not Icy Moon's; move it out of the pair's folder.")
+    for text in _find_strange(folder):
+        yield Problem("foreign", planned.id, text)
+
+
+def _find_strange(folder: Path) -> Iterator[str]:
+    """What in a pair's folder we did not write and is no link, in one sentence."""
+    if names := [name for name in list_foreign(folder) if not (folder / name).is_symlink()]:
+        more = f" and {len(names) - 1} more are" if names[1:] else " is"
+        yield (f"{folder / names[0]}{more} not Icy Moon's; move {'them' if names[1:] else 'it'} out of the pair's "
+               "folder.")
 
 
 def _find_link(folder: Path) -> Path | None:

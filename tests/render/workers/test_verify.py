@@ -145,6 +145,30 @@ def test_what_lies_in_a_pairs_folder_and_is_not_ours_is_reported_and_stays(datas
     assert inner.is_dir()
 
 
+@pytest.mark.parametrize("remove", [False, True])
+def test_a_pair_with_links_and_files_that_are_not_ours_is_named_once(dataset, tmp_path, remove):
+    folder = PAIRS[1].folder(dataset)
+    (folder / "left.exr").rename(tmp_path / "left.exr")
+    (folder / "left.exr").symlink_to(tmp_path / "left.exr")
+    (folder / "notes.txt").write_text("x")
+    (folder / "more.txt").write_text("x")
+    problem = the_problem(dataset, remove)
+    assert (problem.kind, problem.what) == ("foreign", PAIRS[1].id)
+    assert f"{folder / 'left.exr'} is a link" in problem.text
+    assert f"{folder / 'more.txt'} and 1 more are not Icy Moon's" in problem.text
+    assert len(everything(folder)) == 4  # the truth, the other eye, and two that stay
+
+
+@pytest.mark.parametrize("remove", [False, True])
+def test_a_broken_pair_with_a_file_that_is_not_ours_states_once_why_it_stays(dataset, remove):
+    folder = PAIRS[1].folder(dataset)
+    (folder / "left.exr").unlink()
+    (folder / "notes.txt").write_text("x")
+    texts = [problem.text for problem in verify(dataset, remove).problems]
+    assert sum("notes.txt" in text for text in texts) == 1
+    assert (folder / "notes.txt").exists()
+
+
 def test_a_name_forges_no_line(dataset, capsys):
     (dataset / "pairs" / "x\n4 pairs, all whole and as planned.").mkdir()
     assert main(["verify", str(dataset)]) == 1
