@@ -279,6 +279,11 @@ def _run_verify(options: argparse.Namespace) -> int:
             printer.emit("problem", **problem.to_json())
         else:
             printer.say(printer.show_controls(problem.text))
+    for note in found.notes:
+        if options.json:
+            printer.emit("note", message=note)
+        else:
+            printer.say(printer.show_controls(note))
     if options.json:
         printer.emit("result", pairs=found.pairs, complete=found.complete, problems=len(found.problems))
     elif not found.problems:

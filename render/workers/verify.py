@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -61,11 +62,13 @@ class Problem:
 
 @dataclass(frozen=True)
 class Findings:
-    """What ``verify`` found: the number of planned and of complete pairs, and the problems."""
+    """What ``verify`` found: the number of planned and of complete pairs, the problems, and notes on what is missing
+    and leaves the pairs whole."""
 
     pairs: int
     complete: int
     problems: tuple[Problem, ...]
+    notes: tuple[str, ...] = ()
 
 
 def verify(dataset: Path, remove_broken: bool = False) -> Findings:
@@ -86,13 +89,14 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
         complete += not found
         problems += found
     problems += _check_other_files(dataset, {pair.id for pair in frozen.pairs}, working)
-    problems += _check_light(dataset, working)
+    stated = _find_stated_light(dataset)
+    problems += _check_light(dataset, stated, working)
     told = {problem.what for problem in problems if problem.kind == "foreign"}  # with the reason why it stays
     for path in dict.fromkeys(problem.path for problem in problems if problem.path) if remove_broken else ():
         if not remove_ours(path, dataset) and path.name not in told:
             why = find_reason_to_keep(path, dataset) or "the disk does not allow it"
             problems.append(Problem("kept", path.name, f"{path} is not removed: {why}; look at it yourself."))
-    return Findings(len(frozen.pairs), complete, tuple(problems))
+    return Findings(len(frozen.pairs), complete, tuple(problems), tuple(_note_missing_light(dataset, stated)))
 
 
 def _check_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[Problem]:
@@ -200,17 +204,34 @@ def _settings_in_id() -> list[tuple[str, str, str]]:
     return [(f"{topic}.{setting.key}", topic, setting.key) for topic, setting in all_settings() if counts(setting)]
 
 
-def _check_light(dataset: Path, working: set[str]) -> Iterator[Problem]:
+def _find_stated_light(dataset: Path) -> dict[LightFile, list[str]]:
+    """The files of baked light that pairs were rendered with, and the ids of these pairs."""
+    stated: dict[LightFile, list[str]] = {}
+    for pair, files in sorted(VouchedLight(dataset).by_pair().items()):
+        for file in set(files):
+            stated.setdefault(replace(file, cpu_seconds=0.0), []).append(pair)
+    return stated
+
+
+def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> Iterator[str]:
+    """That baked light is gone, in one sentence; the images that were rendered with it are what they were."""
+    folder = dataset / LIGHT
+    gone = {} if folder.is_symlink() else {file: pairs for file, pairs in stated.items()
+                                           if not os.path.lexists(folder / file.name)}
+    if gone:
+        first, pairs = min(file.name for file in gone), {pair for each in gone.values() for pair in each}
+        more = f" and {len(gone) - 1} more are" if len(gone) > 1 else " is"
+        yield (f"{folder / first}{more} missing, the baked light of {count_of(len(pairs), 'pair')}; their images do "
+               "not need it any more, and later pairs of the same ground bake it again.")
+
+
+def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set[str]) -> Iterator[Problem]:
     """What is wrong with baked light: its files, and what pairs state of it."""
     folder = dataset / LIGHT
     if folder.is_symlink():
         yield Problem("foreign", LIGHT, f"{folder} is a link, so its light counts as absent; put what it leads to in "
                       "its place.")
         return
-    stated: dict[LightFile, list[str]] = {}
-    for pair, files in sorted(VouchedLight(dataset).by_pair().items()):
-        for file in set(files):
-            stated.setdefault(replace(file, cpu_seconds=0.0), []).append(pair)
     checksums: dict[str, str] = {}
     for path in sorted(folder.glob("*")):
         parts = parse_name(path.name)
@@ -228,12 +249,11 @@ def _check_light(dataset: Path, working: set[str]) -> Iterator[Problem]:
         elif not is_unfinished(path):
             yield Problem("foreign", path.name, f"{path} is no baked light.")
     for file, pairs in stated.items():
-        if checksums.get(file.name) != file.checksum:
-            how = "has another content now" if file.name in checksums else "is missing"
+        if checksums.get(file.name, file.checksum) != file.checksum:
             who, which = ((f"pair {pairs[0]} was", "the pair") if len(pairs) == 1 else
                           (f"{len(pairs)} pairs such as {pairs[0]} were", "one of them"))
-            yield Problem("light", file.name, f"{folder / file.name} {how}, and {who} rendered with it; to bake it "
-                          f"again, move {which} away and run icymoon batch.")
+            yield Problem("light", file.name, f"{folder / file.name} has another content now, and {who} rendered with "
+                          f"it; to bake it again, move {which} away and run icymoon batch.")
     for key in sorted({file.key for file in stated}):
         first, *more = sorted((pairs[0], file.checksum) for file, pairs in stated.items() if file.key == key)
         yield from (Problem("light", key, f"Pair {pair} was rendered with other light than pair {first[0]}, although "

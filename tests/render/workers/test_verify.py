@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -192,12 +193,11 @@ LIGHT_FAULTS: dict[str, tuple[Callable[[Path], object], set[tuple[str, str]], bo
                  True),
     "empty": (lambda d: first_light(d).write_bytes(b""), {("broken", "another content"), ("light", "another content")},
               True),
-    "gone": (lambda d: first_light(d).unlink(), {("light", "is missing, and 2 pairs such as")}, False),
     "not used": (lambda d: bake(d, "2" * 12), {("light", "No pair states the light")}, False),
     "not used, of a key": (lambda d: bake(d, KEYS[0], 8.0), {("light", "No pair states the light")}, False),
     "not ours": (lambda d: (d / "light" / "thesis.txt").write_text("x"), {("foreign", "is no baked light")}, False),
     "old name": (lambda d: first_light(d).rename(d / "light" / f"{KEYS[0]}.npz"),
-                 {("light", "No pair states"), ("light", "is missing")}, False),
+                 {("light", "No pair states")}, False),
     "unfinished": (lambda d: (d / "light" / f"{KEYS[0]}.npz.host-1-1.part").write_text(""),
                    {("leftover", "left unfinished")}, True),
     "a folder": (lambda d: (d / "light" / f"{KEYS[0]}.npz").mkdir(), {("foreign", "no regular file")}, False),
@@ -225,12 +225,30 @@ def test_two_pairs_of_one_key_with_different_light_are_reported(dataset):
     assert "other light than pair" in problem.text
 
 
-def test_light_that_is_missing_comes_back_as_the_sentence_states(dataset):
-    """One of its pairs is moved away and rendered again, and the same light has the same file."""
-    first_light(dataset).unlink()
-    assert "move one of them away and run icymoon batch" in the_problem(dataset).text
+def test_light_that_is_missing_is_a_note_and_no_problem(dataset, capsys):
+    """Whoever needs the space may delete it: the images are what they were."""
+    lost = first_light(dataset)
+    lost.unlink()
+    assert verify(dataset) == Findings(4, 4, (), (
+        f"{lost} is missing, the baked light of 2 pairs; their images do not need it any more, and later pairs of the "
+        "same ground bake it again.",))
+    shutil.rmtree(dataset / "light")
+    note, = verify(dataset, remove_broken=True).notes
+    assert f"{lost} and 1 more are missing, the baked light of 4 pairs" in note
+    assert main(["verify", str(dataset)]) == 0
+    assert capsys.readouterr().out.splitlines() == [note, "4 pairs, all whole and as planned."]
+    assert main(["verify", str(dataset), "--json"]) == 0
+    assert [json.loads(line)["type"] for line in capsys.readouterr().out.splitlines()] == ["note", "result"]
+
+
+def test_light_that_is_missing_may_come_back(dataset):
+    """The same light has the same file, whose content is compared again."""
+    lost = first_light(dataset)
+    lost.unlink()
     bake(dataset, KEYS[0])
-    assert verify(dataset).problems == ()
+    assert verify(dataset) == Findings(4, 4, ())
+    lost.write_bytes(b"")
+    assert {problem.kind for problem in verify(dataset).problems} == {"broken", "light"}
 
 
 def test_light_of_an_older_version_is_whole_while_it_is_as_its_pairs_state(dataset):
