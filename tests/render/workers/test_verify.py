@@ -177,6 +177,16 @@ def test_a_name_forges_no_line(dataset, capsys):
     assert "x\\n4 pairs" in line
 
 
+def test_an_image_that_is_replaced_with_its_checksum_is_not_found(dataset):
+    """As docs/security.md states: the checksum is the pair's own. Without the checksum it is found."""
+    folder = PAIRS[1].folder(dataset)
+    (folder / "left.exr").write_bytes((folder / "right.exr").read_bytes())
+    assert the_problem(dataset).kind == "broken"
+    files = json.loads((folder / "pair.json").read_text())["files"]
+    rewrite(folder, files=files | {"left.exr": files["right.exr"]})
+    assert verify(dataset) == Findings(4, 4, ())
+
+
 # Pairs decide
 
 def first_light(dataset: Path) -> Path:
