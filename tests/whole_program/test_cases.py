@@ -6,6 +6,7 @@ The files in ``tests/data/cases`` were made for these tests.
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from pathlib import Path
 
@@ -138,6 +139,28 @@ def rendered(out: Path, preset: str, *settings: str) -> tuple[Path, dict]:
     assert main(["render", "--preset", preset, "--preset", "qualities/draft", *changes, "--out", str(out)]) == 0
     (stated,) = out.glob("pairs/*/pair.json")
     return stated.parent, json.loads(stated.read_text(encoding="utf-8"))
+
+
+@pytest.mark.heavy
+def test_20_the_sun_is_that_of_kernels_in_a_folder_of_a_mac(tmp_path):
+    spiceypy = pytest.importorskip("spiceypy")  # of the extra "ephemeris"
+    kernels = case(20, tmp_path) / "kernels"
+    assert (kernels / ".DS_Store").is_file()
+    _, stated = rendered(tmp_path / "out", "europa_chaos", "light.directions_from=KERNELS", f"light.kernels={kernels}",
+                         "light.date_utc=2035-03-01T12:00:00", "light.longitude_deg=331", "light.latitude_deg=10")
+    for name in ("body.tpc", "leap.tls", "toy.bsp"):
+        spiceypy.furnsh(str(kernels / name))
+    try:
+        sun, _ = spiceypy.spkpos("10", spiceypy.str2et("2035-03-01T12:00:00"), "IAU_EUROPA", "LT+S", "502")
+    finally:
+        spiceypy.kclear()
+    north, east = math.radians(10), math.radians(331)
+    site = np.array([math.cos(north) * math.cos(east), math.cos(north) * math.sin(east), math.sin(north)])
+    up = site / np.square([1562.6, 1560.3, 1559.5])  # of the ellipsoid in body.tpc
+    sine = np.dot(sun, up) / np.linalg.norm(sun) / np.linalg.norm(up)
+    assert stated["light"]["sun"]["source"] == "KERNELS"
+    # Mean orbits, without the kernels, differ by 7 degrees.
+    assert stated["light"]["sun"]["elevation_deg"] == pytest.approx(math.degrees(math.asin(sine)), abs=1e-3)
 
 
 @pytest.mark.heavy
