@@ -164,9 +164,9 @@ def test_20_the_sun_is_that_of_kernels_in_a_folder_of_a_mac(tmp_path):
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize(("number", "urdf", "triangles"), [(26, "robots/two_up.urdf", 800)])
+@pytest.mark.parametrize(("number", "urdf", "triangles"), [(25, "dae.urdf", 1), (26, "robots/two_up.urdf", 800)])
 def test_a_mesh_of_a_published_arm_is_seen(tmp_path, number, urdf, triangles):
-    """26: a package.xml two folders above. The next link is made thin, which hides the mesh."""
+    """25: a Collada mesh; 26: a package.xml two folders above. The next link is made thin, which hides the mesh."""
     file = case(number, tmp_path) / "pkg" / "urdf" / urdf
     file.write_text(file.read_text(encoding="utf-8").replace("0.5 0.05 0.05", "0.5 0.005 0.005").replace(
         "0.02 0.02 0.02", "0.2 0.2 0.2"), encoding="utf-8")
