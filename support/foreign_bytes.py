@@ -384,6 +384,16 @@ def parse_xml(text: str, budget: Budget | None = None) -> ElementTree.Element:
         raise ValueError(str(error)) from None
 
 
+def whole_numbers(text: bytes) -> np.ndarray:
+    """The numbers (n,) int64 of a text of digits and blanks; those beyond 2^63 - 1 become it. Raises ValueError for
+    another text."""
+    import numpy as np
+
+    if text.translate(None, b"0123456789 \t\r\n"):
+        raise ValueError("it has something else than whole numbers")
+    return np.fromstring(text, np.int64, sep=" ") if text.strip() else np.empty(0, np.int64)
+
+
 def inflate(data: bytes, size: int, budget: Budget | None = None) -> bytes:
     """The ``size`` bytes that zlib packed. Raises ValueError if they are not so many."""
     if budget is not None:
