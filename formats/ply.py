@@ -12,6 +12,7 @@ import functools
 import struct
 from array import array
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -20,7 +21,8 @@ import numpy as np
 
 from ..files import shorten, write_atomically
 from ..physics.mesh.check import find_equal_rows
-from ..support.foreign_bytes import ForeignBytes, read
+from ..physics.mesh.line_forms import Forms, Rows, UnusualError, reduced
+from ..support.foreign_bytes import ForeignBytes, read, whole_numbers
 
 _TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
           "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
@@ -265,6 +267,9 @@ def _check_rows(foreign: ForeignBytes, at: int, element: _Element, order: str, v
 
 
 def _check_text(foreign: ForeignBytes, header: _Header, vertices: int) -> None:
+    with suppress(UnusualError, ValueError):  # what is wrong is found line by line
+        _check_usual_text(foreign, header, vertices)
+        return
     lines = foreign.lines(header.start, _LONGEST_ROW)
     for element in header.elements:
         if element.is_plain and element.name != "edge":
@@ -272,6 +277,31 @@ def _check_text(foreign: ForeignBytes, header: _Header, vertices: int) -> None:
                 pass
         else:
             _check_words(lines, header, element, vertices)
+
+
+def _check_usual_text(foreign: ForeignBytes, header: _Header, vertices: int) -> None:
+    """Check rows of vertices and, after them, of faces that all have as many corners. Raises UnusualError or ValueError
+    for other elements, and for a row that may be wrong."""
+    elements = [each for each in header.elements if each.count]
+    is_usual = [each.name for each in elements] in (["vertex"], ["vertex", "face"]) and elements[0].is_plain
+    if not is_usual or any(len(each.properties) != 1 or _lowest(each, each.properties[0].name) != 0
+                           or each.properties[0].kind[0] == "f" for each in elements[1:]):
+        raise UnusualError
+    width, lengths, rows = len(elements[0].properties), set[int](), Rows(foreign, header.start)
+
+    def check_vertex(line: bytes) -> None:
+        if len(list(map(float, line.split()))) < width or b"_" in line:
+            raise UnusualError
+
+    forms_of_vertices, forms_of_faces = Forms(check_vertex), Forms(lambda line: lengths.add(len(line.split())))
+    for text in rows.take(elements[0].count):
+        forms_of_vertices.look_at(reduced(text))
+    for text in rows.take(elements[1].count if len(elements) > 1 else 0):
+        forms_of_faces.look_at(reduced(text))
+        (length,) = lengths
+        table = whole_numbers(text).reshape(-1, length)
+        if (table[:, 0] != length - 1).any() or table[:, 1:].max(initial=0) >= vertices:
+            raise UnusualError
 
 
 def _number_rows(lines: Iterator[tuple[int, bytes]], header: _Header, element: _Element) -> Iterator[list[float]]:

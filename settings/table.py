@@ -834,9 +834,9 @@ LANDER = Topic("lander", "Lander", "A lander whose mast carries the cameras, wit
             choices=(("NONE", "None", "No lander"),
                      ("PARAMETRIC", "Parametric", "Deck, two legs, mast and arm of the sizes that are stated here"),
                      ("OWN", "Own Arm", "Deck, two legs and mast as Parametric, with an arm from a URDF file"))),
-    Setting("file", "Arm's File", "", "URDF file of your own arm, with meshes as STL or OBJ beside it. Its first link "
-            "stands at the place of the shoulder. // is the folder of the .blend file", "lander", subtype="FILE_PATH",
-            trust="read"),
+    Setting("file", "Arm's File", "", "URDF file of your own arm, with meshes as STL, OBJ or Collada beside it. "
+            "Its first link stands at the place of the shoulder. // is the folder of the .blend file", "lander",
+            subtype="FILE_PATH", trust="read"),
     Setting("joints", "Joints", "", "Angles of the joints of your own arm, as name=value in degrees (metres for one "
             "that slides), with spaces between; 0 for those that are not named", "lander", trust="name"),
     _degrees("turn_deg", "Turn of the Deck", 0.0, -180.0, 180.0,

@@ -48,6 +48,8 @@ _MOST_READINGS = 4
 _LEAST_PART = 2**16
 #: Members of an archive, bytes of an array's header.
 _MOST_MEMBERS, _MOST_HEADER = 1000, 10_000
+#: Bytes that an element, an attribute or a reference of an XML text takes at most once it is read, in round numbers.
+_XML_PART = 256
 #: Bytes of the list of an archive's members, of the least record at its end, and that are unpacked at a time.
 _MOST_DIRECTORY, _ARCHIVE_END, _UNPACKED_STEP = 2**20, 22, 2**18
 _TEXT_MARKS = {codecs.BOM_UTF32_LE: "utf-32", codecs.BOM_UTF32_BE: "utf-32", codecs.BOM_UTF8: "utf-8-sig",
@@ -366,15 +368,30 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise tomllib.TOMLDecodeError(str(error)) from None
 
 
-def parse_xml(text: str) -> ElementTree.Element:
-    """The root of an XML text without entities. Raises ValueError for a document type, which may define entities that
-    unfold without end or name other files, and for what is no XML."""
+def parse_xml(text: str, budget: Budget | None = None) -> ElementTree.Element:
+    """The root of an XML text without entities. Its elements and attributes are charged to ``budget``, if given.
+
+    Raises ValueError for a document type, which may define entities that unfold without end or name other files, and
+    for what is no XML.
+    """
     if "<!DOCTYPE" in text.upper() or "<!ENTITY" in text.upper():
         raise ValueError("it has a document type, whose entities may grow without end")
+    if budget is not None:
+        budget.charge(_XML_PART * sum(map(text.count, "<=&")), "elements and attributes")
     try:
         return ElementTree.fromstring(text.encode())
     except ElementTree.ParseError as error:
         raise ValueError(str(error)) from None
+
+
+def whole_numbers(text: bytes) -> np.ndarray:
+    """The numbers (n,) int64 of a text of digits and blanks; those beyond 2^63 - 1 become it. Raises ValueError for
+    another text."""
+    import numpy as np
+
+    if text.translate(None, b"0123456789 \t\r\n"):
+        raise ValueError("it has something else than whole numbers")
+    return np.fromstring(text, np.int64, sep=" ") if text.strip() else np.empty(0, np.int64)
 
 
 def inflate(data: bytes, size: int, budget: Budget | None = None) -> bytes:

@@ -33,6 +33,7 @@ from icymoon.support.foreign_bytes import (
     parse_xml,
     read,
     read_regular,
+    whole_numbers,
 )
 from sources import IDS, ROOT, SOURCES, tree_of
 
@@ -179,6 +180,22 @@ def test_a_deep_text_is_no_traceback():
                         (parse_xml, "<!DOCTYPE a [<!ENTITY b 'c'>]><a>&b;</a>"), (parse_xml, "<a>")):
         with pytest.raises(ValueError, match=r"deep|number|digits|document|element|parts|million|tables in|values"):
             parse(text)
+
+
+def test_whole_numbers_are_of_digits_only():
+    assert whole_numbers(b" 3 0\t12\r\n 7 \n").tolist() == [3, 0, 12, 7]
+    assert whole_numbers(b" \n").size == whole_numbers(b"").size == 0
+    assert whole_numbers(b"9" * 5000 + b" 18446744073709551617").tolist() == [2**63 - 1] * 2
+    for text in (b"1 -1", b"1.5", b"1,5", b"0x1", b"1_0", b"nan", b"1 \0", "３".encode()):
+        with pytest.raises(ValueError, match="whole numbers"):
+            whole_numbers(text)
+
+
+def test_elements_and_attributes_of_xml_are_charged():
+    assert parse_xml("<a b='1'/>", Budget(512)).get("b") == "1"
+    for text in ("<a b='1' c='2'/>", "<a><b/><c/></a>", "<a>&#65;&#66;&#67;</a>"):
+        with pytest.raises(OverBudgetError, match="elements and attributes"):
+            parse_xml(text, Budget(512))
 
 
 def test_packed_data_are_of_the_size_that_is_stated():

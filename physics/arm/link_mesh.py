@@ -1,4 +1,4 @@
-"""Triangles of a robot's link from STL (binary and ASCII) and Wavefront OBJ, which need no library.
+"""Triangles of a robot's link from STL (binary and ASCII), Wavefront OBJ and Collada, which need no library.
 
 The file comes from a stranger: sizes are bounded, indices are checked, and nothing else that it names is opened.
 """
@@ -12,21 +12,27 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...support.foreign_bytes import RefusedError, read
 from ..mesh import obj, stl
+from . import collada
 
-#: Largest file in bytes, and most triangles of one file.
-MOST_BYTES, MOST_TRIANGLES = 200_000_000, 1_000_000
+#: By suffix what reads a format, how it is called, and the largest file in bytes: XML takes several times its bytes.
+_FORMATS = {".stl": (stl.parse_triangles, "an STL mesh", 200_000_000),
+            ".obj": (obj.parse_triangles, "an OBJ mesh", 200_000_000),
+            ".dae": (collada.parse_triangles, "a Collada mesh", 40_000_000)}
+#: Most triangles of one file.
+MOST_TRIANGLES = 1_000_000
 
 
 def read_link_mesh(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (n, 3) in the file's unit and triangles (m, 3).
+    """Vertices (n, 3), of Collada in metres and else in the file's unit, and triangles (m, 3).
 
     Raises IcyMoonError if the file is missing, of another format, too large, empty or broken.
     """
-    parse = {".stl": stl.parse_triangles, ".obj": obj.parse_triangles}.get(path.suffix.lower())
-    if parse is None:
-        raise IcyMoonError(f"{path}: meshes of a URDF are read from STL and OBJ; convert this one.")
-    return read(path, lambda foreign: _checked(*parse(foreign, MOST_TRIANGLES)), f"an {path.suffix[1:].upper()} mesh",
-                "export it again, or change the URDF", most=MOST_BYTES)
+    suffix = path.suffix.lower()
+    if suffix not in _FORMATS:
+        raise IcyMoonError(f"{path}: meshes of a URDF are read from STL, OBJ and Collada (.dae); convert this one.")
+    parse, kind, most = _FORMATS[suffix]
+    return read(path, lambda foreign: _checked(*parse(foreign, MOST_TRIANGLES)), kind,
+                "export it again, or change the URDF", most=most)
 
 
 def _checked(vertices: np.ndarray, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

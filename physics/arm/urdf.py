@@ -1,7 +1,8 @@
 """A robot's description in URDF (wiki.ros.org/urdf/XML): links with shapes, joints with limits.
 
 The file comes from a stranger: document types (with entities that grow without end) are refused before it is parsed,
-meshes are read from its own folder only, and what it states is checked before it is used.
+meshes are read from its own package only, or from one beside it that they name, and what it states is checked before
+it is used.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...files import shorten
 from ...support.foreign_bytes import ForeignBytes, parse_xml, read
+from .mesh_folders import MeshFolders
 
 #: Largest file in bytes, and most links, of which each gets a label of its own.
 MOST_BYTES, MOST_LINKS = 4_000_000, 50
@@ -242,26 +244,26 @@ class _Reader:
         return Shape(item.tag, origin, size)
 
     def _find(self, name: str, where: str) -> Path:
-        """The mesh of a name, in the folder of the URDF or of its package, and nowhere else."""
-        folder = self.path.resolve().parent
-        inside = next((each for each in (folder, folder.parent) if (each / "package.xml").is_file()), folder)
+        """The mesh of a name, in the folder of the URDF or of its package, or in the package beside that it names."""
         text = unquote(name)
         if len(text) > _LONGEST_PATH:
             self.fail(f"the mesh of {where} is {shorten(text)!r}, longer than a path can be")
         if "://" in text and not text.startswith(("package://", "file://")):
             self.fail(f"the mesh of {where} is {shorten(text)!r}, which is no file of the folder", "copy it there")
-        if text.startswith("package://"):
-            package, _, rest = text.removeprefix("package://").partition("/")
-            places = [inside / rest, inside / package / rest, folder / rest]
-        else:
-            places = [folder / text.removeprefix("file://")]
+        package, _, path = text.removeprefix("package://").partition("/")
+        is_of_package = text.startswith("package://")
+        folders = MeshFolders(self.path)
         try:
-            found = next((place for place in (each.resolve() for each in places) if place.is_file()),
-                         places[0].resolve())
+            places = [(folder, place.resolve()) for folder, place in (
+                folders.places_in(package, path) if is_of_package else folders.places_of(text.removeprefix("file://")))]
+            inside = [place for folder, place in places if place.is_relative_to(folder)]
+            found = next((place for place in inside if place.is_file()), None)
+            is_outside = not inside or any(place.is_file() for _, place in places if place not in inside)
         except (OSError, ValueError):
             self.fail(f"the mesh of {where} is {shorten(text)!r}, which can be no file")
-        if not found.is_relative_to(inside):
-            self.fail(f"the mesh of {where}, {shorten(text)!r}, is outside {inside}", "copy it into that folder")
-        if not found.is_file():
-            self.fail(f"the mesh of {where}, {shorten(text)!r}, is not in {inside}", "copy it there")
+        if found is None:
+            looked_in = " or ".join(dict.fromkeys(str(folder) for folder, _ in places))
+            self.fail(f"the mesh of {where}, {shorten(text)!r}, is {'outside' if is_outside else 'not in'} {looked_in}",
+                      f"copy it into {folders.package}" + (
+                          f", or put the package {shorten(package)!r} beside it" if is_of_package else ""))
         return found

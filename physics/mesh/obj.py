@@ -11,6 +11,7 @@ import numpy as np
 
 from ...files import shorten
 from ...support.foreign_bytes import LONGEST_LINE, ForeignBytes, RefusedError
+from .line_forms import Forms, UnusualError, reduced, whole_lines
 
 #: Bytes that a face may have.
 _OF_A_FACE = b"0123456789/- \t"
@@ -66,6 +67,27 @@ def check_statements(foreign: ForeignBytes) -> list[bytes]:
 
     Raises ValueError, with the line, for what is no mesh.
     """
+    libraries = list[bytes]()
+    try:
+        forms = Forms(_check_form)
+        for text in whole_lines(foreign):
+            lines = reduced(text)
+            forms.look_at(lines)
+            if b"mtllib" in lines:
+                for line in text.split(b"\n"):
+                    _add_library(libraries, line)
+    except UnusualError:
+        return _check_lines(foreign)
+    return libraries
+
+
+def _check_form(line: bytes) -> None:
+    if line.endswith(b"\\"):
+        raise UnusualError
+    _check_line(line, 0)
+
+
+def _check_lines(foreign: ForeignBytes) -> list[bytes]:
     before, libraries = b"", list[bytes]()
     for number, line in foreign.lines():
         if before or line.endswith(b"\\"):  # a statement that goes on in the next line
@@ -75,17 +97,24 @@ def check_statements(foreign: ForeignBytes) -> list[bytes]:
             if line.endswith(b"\\"):
                 continue
             line, before = before, b""
-        start = line[:2]
-        if start in (b"v ", b"v\t"):
-            parse_vertex(line.partition(b"#")[0].split(None, 4), number)
-        elif start in (b"f ", b"f\t") and line.translate(None, _OF_A_FACE) != b"f" and (
-                line.partition(b"#")[0].translate(None, _OF_A_FACE) != b"f"):
-            raise ValueError(f"the face of line {number} is not of numbers of vertices: {_quote(line.split()[1:])}")
-        elif start == b"mt" and line.startswith(b"mtllib"):
-            libraries.append(line.removeprefix(b"mtllib").strip())
-            if len(libraries) > _MOST_LIBRARIES:
-                raise ValueError(f"it names more than {_MOST_LIBRARIES} material libraries")
+        _check_line(line, number)
+        _add_library(libraries, line)
     return libraries
+
+
+def _check_line(line: bytes, number: int) -> None:
+    start = line[:2]
+    if start in (b"v ", b"v\t"):
+        parse_vertex(line.partition(b"#")[0].split(None, 4), number)
+    elif start in (b"f ", b"f\t") and line.partition(b"#")[0].translate(None, _OF_A_FACE) != b"f":
+        raise ValueError(f"the face of line {number} is not of numbers of vertices: {_quote(line.split()[1:])}")
+
+
+def _add_library(libraries: list[bytes], line: bytes) -> None:
+    if line.startswith(b"mtllib"):
+        libraries.append(line.removeprefix(b"mtllib").strip())
+        if len(libraries) > _MOST_LIBRARIES:
+            raise ValueError(f"it names more than {_MOST_LIBRARIES} material libraries")
 
 
 def _index(word: bytes, count: int, number: int) -> int:

@@ -10,13 +10,12 @@ from array import array
 import numpy as np
 
 from ...support.foreign_bytes import ForeignBytes, RefusedError
+from .line_forms import Forms, UnusualError, reduced, whole_lines
 from .obj import parse_vertex
 
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 #: Bytes before the triangles of a binary file: 80 of a text, then their number.
 _TEXT, _HEADER = 80, 84
-#: Makes 0 of every digit; how many forms of lines are kept at most.
-_DIGITS, _MOST_FORMS = bytes.maketrans(b"123456789", b"0" * 9), 10_000
 
 
 def count_triangles(foreign: ForeignBytes) -> int | None:
@@ -71,18 +70,38 @@ def check_statements(foreign: ForeignBytes) -> None:
     """
     if count_triangles(foreign) is not None:
         return
-    count = 0
-    known: set[bytes] = set()
-    for number, line in foreign.lines():
-        if b"v" in line and line.lstrip().startswith(b"vertex"):
-            count += 1
-            # Whether words are numbers does not depend on their digits, and most lines differ in nothing else.
-            form = line.translate(_DIGITS)
-            if form not in known:
+    try:
+        count = _count_vertices(foreign)
+    except UnusualError:
+        count = 0
+        for number, line in foreign.lines():
+            if _is_vertex(line):
+                count += 1
                 parse_vertex(line.split(None, 4), number)
-                if len(known) < _MOST_FORMS:
-                    known.add(form)
-        elif not count and number == 1 and not line.lstrip().lower().startswith(b"solid"):
-            raise ValueError("it is cut off")
+            elif number == 1 and not line.lstrip().lower().startswith(b"solid"):
+                raise ValueError("it is cut off") from None
     if count % 3:
         raise ValueError("it is cut off")
+
+
+def _is_vertex(line: bytes) -> bool:
+    return b"v" in line and line.lstrip().startswith(b"vertex")
+
+
+def _count_vertices(foreign: ForeignBytes) -> int:
+    """The number of vertices of a text whose lines are usual and right. Raises UnusualError for another."""
+    if not foreign.part(0, min(foreign.size, _TEXT)).lstrip(b" \t").lower().startswith(b"solid"):
+        raise UnusualError
+    forms, count = Forms(_check_line), 0
+    for text in whole_lines(foreign):
+        lines = reduced(text)
+        forms.look_at(lines)
+        count += lines.count(b"vertex")
+    return count
+
+
+def _check_line(line: bytes) -> None:
+    if _is_vertex(line):
+        parse_vertex(line.split(None, 4), 0)
+    if line.count(b"vertex") != _is_vertex(line):  # such as in the name of a solid
+        raise UnusualError

@@ -15,9 +15,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.formats import mesh_file, mesh_images
+from icymoon.formats import mesh_file, mesh_images, ply
 from icymoon.formats.mesh_checks import check_mesh
 from icymoon.formats.mesh_file import FORMATS
+from icymoon.physics.mesh import obj, stl
+from icymoon.physics.mesh.line_forms import Forms, UnusualError
+from icymoon.support.foreign_bytes import ForeignBytes
 
 pytestmark = pytest.mark.timeout(30)
 
@@ -108,9 +111,9 @@ def test_whole_obj_and_stl_files_pass(tmp_path):
                     OBJ.replace("\n", "\r\n"),
                     OBJ.replace("3/1", "\\\n3/1"), OBJ.replace("f 1/1", "f -3//"), OBJ.replace("v 0 0", "v\t0 0")):
         check_content(tmp_path / "a.obj", content)
-    for stl in (STL, STL.replace("  vertex", "\tvertex"), STL.upper(), STL.replace("1 0 0", "1e-3 +0. .5"),
-                    b"\0" * 80 + struct.pack("<I", 1) + bytes(50)):
-        check_content(tmp_path / "a.stl", stl)
+    for text in (STL, STL.replace("  vertex", "\tvertex"), STL.upper(), STL.replace("1 0 0", "1e-3 +0. .5"),
+                 b"\0" * 80 + struct.pack("<I", 1) + bytes(50)):
+        check_content(tmp_path / "a.stl", text)
 
 
 @pytest.mark.parametrize(("name", "content", "words"), [
@@ -315,3 +318,81 @@ def test_a_damaged_mesh_is_checked_or_refused(tmp_path, name, content, seed):
                 act(tmp_path / name)
         with suppress(IcyMoonError):
             check_mesh(tmp_path / name, FORMATS[name[1:]])
+
+
+#: Texts of more than one part that is looked at together.
+GRID = [f"{x / 7:.6g} {y / 9:.6g} {x * y / 1e7:.6g}" for x in range(-50, 50) for y in range(-50, 50)]
+CORNERS = [(k, k + 1, k + 100) for k in range(9_899)]
+LARGE = {
+    "a.ply": (HEAD.format("ascii", len(CORNERS)).replace("vertex 3", f"vertex {len(GRID)}") + "\n".join(GRID) + "\n"
+              + "".join("3 {} {} {}\n".format(*each) for each in CORNERS)),
+    "a.obj": ("# made\nmtllib a.mtl\n" + "".join(f"v {each}\n" for each in GRID) + "g part_1\n"
+              + "".join("f {}/1 {}/2 {}/3\n".format(*(k + 1 for k in each)) for each in CORNERS) + "mtllib b 1.mtl\n"),
+    "a.stl": ("solid a\n" + "".join("facet normal 0 0 1\n outer loop\n" + "".join(f"  vertex {GRID[k]}\n" for k in each)
+                                    + " endloop\nendfacet\n" for each in CORNERS[::3]) + "endsolid a\n")}
+
+
+def read_by_lines(monkeypatch) -> list[int]:
+    """A list that gets an item for each file that is looked at line by line."""
+    found: list[int] = []
+    lines = ForeignBytes.lines
+    monkeypatch.setattr(ForeignBytes, "lines", lambda self, *rest: found.append(self.size) or lines(self, *rest))
+    return found
+
+
+@pytest.mark.parametrize("name", LARGE)
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_the_lines_of_a_usual_mesh_are_not_looked_at_one_by_one(tmp_path, monkeypatch, name, end):
+    found = read_by_lines(monkeypatch)
+    check_content(tmp_path / name, LARGE[name].replace("\n", end))
+    check_content(tmp_path / name, LARGE[name][:-1])
+    assert not found
+    (tmp_path / name).write_text(LARGE[name].replace("0.5", "0_5", 1) if name == "a.ply" else
+                                 LARGE[name].replace("0.714286", "0,714286", 1), encoding="utf-8")
+    refused(tmp_path / name, (tmp_path / name).read_bytes())
+    assert found
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("name", LARGE)
+def test_many_lines_together_are_judged_as_each_by_itself(tmp_path, monkeypatch, name, seed):
+    path, random = tmp_path / name, np.random.default_rng(seed)
+    tokens = [b"", b" ", b"-", b".", b"e", b"0", b"7", b"\n", b"\r", b"#", b"\\\n", b"\0", b"_", b"nan", b"x", b"/",
+              b"\t", b"vertex", b"\nv 1 2 3", b"\n\n", b"99999999999999999999", b"\nmtllib c.mtl\n", b"+", b"1e5",
+              b"\xff"]
+    texts = [LARGE[name][:k].encode() for k in (90_000, 70_000, 300)] + [LARGE[name].encode()] * 3
+
+    def outcome() -> str:
+        try:
+            check_mesh(path, FORMATS[path.suffix])
+        except IcyMoonError as error:
+            return str(error)
+        return "passed"
+
+    judged = set()
+    for _ in range(40):
+        content = texts[random.integers(len(texts))]
+        for _ in range(random.integers(1, 3)):
+            at = int(random.integers(len(content)))
+            content = content[:at] + tokens[random.integers(len(tokens))] + content[at + int(random.integers(3)):]
+        path.write_bytes(content)
+        together = outcome()
+        with monkeypatch.context() as patch:
+            for module in (obj, ply, stl):
+                patch.setattr(module, "reduced", refuse)
+            assert outcome() == together
+        judged.add(together == "passed")
+    assert judged == {True, False}
+
+
+def test_long_and_many_forms_are_not_kept():
+    forms = Forms(len)
+    for k in range(300):
+        forms.look_at(b"\n".join(b"%s%s" % (bytes([97 + k % 26]) * (k // 26), bytes([97 + j])) for j in range(26)))
+    forms.look_at(b"\n".join(b"#%x" % j for j in range(20_000)) + b"\n" + b"x" * 60_000)
+    assert len(forms._known) == 10_000
+    assert max(map(len, forms._known)) <= 200
+
+
+def refuse(_: bytes) -> bytes:
+    raise UnusualError

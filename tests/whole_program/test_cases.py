@@ -6,12 +6,16 @@ The files in ``tests/data/cases`` were made for these tests.
 from __future__ import annotations
 
 import json
+import math
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 from icymoon.commands.cli import main
+from icymoon.physics.arm.link_mesh import read_link_mesh
+from icymoon.physics.arm.urdf import read_urdf
+from icymoon.stereo.images.exr import read_view
 from icymoon.version import ROOT
 
 CASES = ROOT / "tests" / "data" / "cases"
@@ -122,3 +126,52 @@ def test_11_missing_heights_without_a_mark_are_no_pit(tmp_path):
 def test_13_a_site_in_a_map_of_a_region_is_built(tmp_path):
     scene = built(case(13, tmp_path), "terrain.size_m=4000")
     assert np.ptp(ground_of(scene)[:, 0]) == pytest.approx(4000, rel=1e-3)
+
+
+#: Settings of a pair that takes about 4 s.
+SMALL = ("terrain.resolution=65", "terrain.rms_slope_deg=0", "rocks.coverage=0", "rig.width_px=96", "rig.height_px=72",
+         "quality.samples=1")
+
+
+def rendered(out: Path, preset: str, *settings: str) -> tuple[Path, dict]:
+    """The folder of the pair that a command renders, and what it states."""
+    changes = [word for each in (*SMALL, *settings) for word in ("--set", each)]
+    assert main(["render", "--preset", preset, "--preset", "qualities/draft", *changes, "--out", str(out)]) == 0
+    (stated,) = out.glob("pairs/*/pair.json")
+    return stated.parent, json.loads(stated.read_text(encoding="utf-8"))
+
+
+@pytest.mark.heavy
+def test_20_the_sun_is_that_of_kernels_in_a_folder_of_a_mac(tmp_path):
+    spiceypy = pytest.importorskip("spiceypy")  # of the extra "ephemeris"
+    kernels = case(20, tmp_path) / "kernels"
+    assert (kernels / ".DS_Store").is_file()
+    _, stated = rendered(tmp_path / "out", "europa_chaos", "light.directions_from=KERNELS", f"light.kernels={kernels}",
+                         "light.date_utc=2035-03-01T12:00:00", "light.longitude_deg=331", "light.latitude_deg=10")
+    for name in ("body.tpc", "leap.tls", "toy.bsp"):
+        spiceypy.furnsh(str(kernels / name))
+    try:
+        sun, _ = spiceypy.spkpos("10", spiceypy.str2et("2035-03-01T12:00:00"), "IAU_EUROPA", "LT+S", "502")
+    finally:
+        spiceypy.kclear()
+    north, east = math.radians(10), math.radians(331)
+    site = np.array([math.cos(north) * math.cos(east), math.cos(north) * math.sin(east), math.sin(north)])
+    up = site / np.square([1562.6, 1560.3, 1559.5])  # of the ellipsoid in body.tpc
+    sine = np.dot(sun, up) / np.linalg.norm(sun) / np.linalg.norm(up)
+    assert stated["light"]["sun"]["source"] == "KERNELS"
+    # Mean orbits, without the kernels, differ by 7 degrees.
+    assert stated["light"]["sun"]["elevation_deg"] == pytest.approx(math.degrees(math.asin(sine)), abs=1e-3)
+
+
+@pytest.mark.heavy
+@pytest.mark.parametrize(("number", "urdf", "triangles"), [(25, "dae.urdf", 1), (26, "robots/two_up.urdf", 800)])
+def test_a_mesh_of_a_published_arm_is_seen(tmp_path, number, urdf, triangles):
+    """25: a Collada mesh; 26: a package.xml two folders above. The next link is made thin, which hides the mesh."""
+    file = case(number, tmp_path) / "pkg" / "urdf" / urdf
+    file.write_text(file.read_text(encoding="utf-8").replace("0.5 0.05 0.05", "0.5 0.005 0.005").replace(
+        "0.02 0.02 0.02", "0.2 0.2 0.2"), encoding="utf-8")
+    pair, stated = rendered(tmp_path / "out", "workspace_europa_lander", "lander.kind=OWN", f"lander.file={file}")
+    labels = {link["name"]: link["instance"] for link in stated["lander"]["links"]}
+    assert (read_view(pair / "left.exr").instance == labels["base_link"]).sum() > 3
+    (mesh,) = read_urdf(file).files
+    assert len(read_link_mesh(mesh)[1]) == triangles

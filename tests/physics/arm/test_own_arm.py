@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -169,6 +170,77 @@ def test_meshes_are_of_the_robots_own_folder(tmp_path, mesh, words):
         read_urdf(write_robot(tmp_path / "in", shapes={"one": visual(mesh)}))
 
 
+def package(folder: Path, name: str = "") -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "package.xml").write_text(f"<package><name> {name}\n</name></package>", encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize(("urdf", "mesh"), [
+    ("urdf/robots/left/arm", "package://own/meshes/m.stl"), ("urdf/robots/left/arm", "../../../../meshes/m.stl"),
+    ("", "package://own/meshes/m.stl"), ("a/b/c/d/e/f/g/h", "package://own/meshes/m.stl"),
+    ("urdf/robots", "package://folder/meshes/m.stl"), ("urdf/robots", "package://renamed/meshes/m.stl"),
+    ("urdf/robots", "package://beside/meshes/m.stl"), ("urdf/robots", "package://beside/meshes/a%20b.stl"),
+    ("inner/urdf", "package://own/meshes/m.stl"), ("inner/urdf", "package://beside/meshes/m.stl"),
+    ("inner/urdf", "package://within/meshes/m.stl")])
+def test_a_mesh_is_found_in_its_package_and_in_one_beside(tmp_path, urdf, mesh):
+    own = package(tmp_path / "src" / "folder", "own")
+    package(own / "inner", "within")
+    package(own.parent / "beside")
+    for folder in (own, own.parent / "beside", own / "inner"):
+        for name in ("m.stl", "a b.stl"):
+            write_stl(folder / "meshes" / name)
+    (own / urdf).mkdir(parents=True, exist_ok=True)
+    (found,) = read_urdf(write_robot(own / urdf, shapes={"one": visual(mesh)})).files
+    expected = own.parent / "beside" if "beside" in mesh else own / "inner" if "within" in mesh else own
+    assert found.parent == (expected / "meshes").resolve()
+
+
+def test_a_package_that_is_not_there_is_told_with_the_folders(tmp_path):
+    own = package(tmp_path / "src" / "own", "own")
+    write_stl(write_stl(own.parent / "none" / "m.stl").parent / "meshes" / "m.stl")  # without a package.xml
+    (own / "urdf" / "arms").mkdir(parents=True)
+    with pytest.raises(IcyMoonError) as caught:
+        read_urdf(write_robot(own / "urdf" / "arms", shapes={"one": visual("package://none/m.stl")}))
+    assert f"is not in {own}; copy it into {own}, or put the package 'none' beside it." in str(caught.value)
+    package(own.parent / "other", "other")
+    with pytest.raises(IcyMoonError) as caught:
+        read_urdf(write_robot(own / "urdf" / "arms", shapes={"one": visual("package://other/m.stl")}))
+    assert f"is not in {own.parent / 'other'} or {own}; copy it into" in str(caught.value)
+
+
+@pytest.mark.parametrize("mesh", [
+    "package://../m.stl", "package://./../m.stl", "package:///../../m.stl", "package://other/../m.stl",
+    "package://other/../../m.stl", "package://link/m.stl", "package://other/m.stl", "../../../m.stl",
+    "package://own/../m.stl", "package://%2e%2e/m.stl", "package://../other/m.stl", "package://\\..\\m.stl",
+    "package://%00/m.stl", f"package://{'a' * 4000}/m.stl", "package://"])
+def test_no_package_leads_outside(tmp_path, mesh):
+    own = package(tmp_path / "src" / "own", "own")
+    for folder in (own.parent, tmp_path, package(tmp_path / "secret", "link")):
+        write_stl(folder / "m.stl")
+    try:
+        (own.parent / "link").symlink_to(tmp_path / "secret")
+        (package(own.parent / "other") / "m.stl").symlink_to(tmp_path / "m.stl")
+    except OSError:
+        pytest.skip("this system makes no links")
+    (own / "urdf").mkdir()
+    with pytest.raises(IcyMoonError) as caught:
+        read_urdf(write_robot(own / "urdf", shapes={"one": visual(mesh)}))
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 900
+
+
+@pytest.mark.timeout(20)
+@pytest.mark.parametrize("content", ["", "<package>", "\0" * 100, "<!DOCTYPE a [<!ENTITY b 'own'>]><a>&b;</a>",
+                                     "<package/>", "<package>" + " " * 2_000_000 + "</package>"])
+def test_a_package_whose_name_cannot_be_read_has_that_of_its_folder(tmp_path, content):
+    own = package(tmp_path / "own")
+    (own / "package.xml").write_text(content, encoding="utf-8")
+    write_stl(own / "m.stl")
+    (own / "urdf" / "arms").mkdir(parents=True)
+    assert len(read_urdf(write_robot(own / "urdf" / "arms", shapes={"one": visual("package://own/m.stl")})).files) == 1
+
+
 def test_a_link_out_of_the_folder_is_not_followed(tmp_path):
     secret = write_stl(tmp_path / "secret.stl")
     (tmp_path / "in").mkdir()
@@ -188,7 +260,7 @@ def test_a_link_out_of_the_folder_is_not_followed(tmp_path):
     ("m.obj", b"v 0 0 0\nf -2 1 1\n", "vertex -2"), ("m.obj", b"v 0 0 0\nf 1 1 " + b"9" * 30, "but there are 1"),
     ("m.obj", b"v 0 0 0\nf 1 a/2 1\n", "the face of line 2 has 'a/2', not the number of a vertex"),
     ("m.obj", b"v 1 2\n", "the vertex of line 1 is not three numbers"),
-    ("m.obj", b"v 0 0 inf\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "no place"), ("m.dae", b"<COLLADA/>", "convert this one")])
+    ("m.obj", b"v 0 0 inf\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "no place"), ("m.3ds", b"MM", "convert this one")])
 def test_a_broken_mesh_is_a_sentence(tmp_path, name, content, words):
     (tmp_path / name).write_bytes(content)
     path = write_robot(tmp_path, shapes={"one": visual(name)})

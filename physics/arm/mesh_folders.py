@@ -1,0 +1,60 @@
+"""The folders that the meshes of a URDF file may be in: its own, that of its ROS package, and a package beside.
+
+A folder is a package by its ``package.xml`` (ROS REP 149). Nothing else above the URDF file is ever read.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+
+from ...errors import IcyMoonError
+from ...support.foreign_bytes import ForeignBytes, parse_xml, read
+
+_MANIFEST = "package.xml"
+#: How many folders above that of the URDF are looked at, and the largest package.xml in bytes.
+_MOST_UP, _MOST_BYTES = 8, 1_000_000
+#: A folder, and a file that counts if it is there and in that folder.
+Place = tuple[Path, Path]
+
+
+class MeshFolders:
+    """The folders around a URDF file, with links resolved. ``package`` is that of its package, or its own folder."""
+
+    def __init__(self, urdf: Path) -> None:
+        self.own = urdf.resolve().parent
+        self._packages = [each for each in (self.own, *self.own.parents)[:_MOST_UP + 1] if _is_package(each)]
+        self.package = self._packages[0] if self._packages else self.own
+
+    def places_of(self, path: str) -> list[Place]:
+        """Where a mesh of a path relative to the URDF may be."""
+        return [(self.package, self.own / path)]
+
+    def places_in(self, package: str, path: str) -> list[Place]:
+        """Where a mesh of a path in a package may be: in a package of that name above the URDF or beside one, else in
+        the URDF's own, whose folder may have been renamed."""
+        named = [each for each in self._packages if package in (each.name, _name(each))]
+        beside = [each.parent / package for each in self._packages]
+        # A name such as .. is none, and a link could lead anywhere.
+        named += [each for each in beside if each.resolve() == each and _is_package(each)]
+        return [*((each, each / path) for each in named), *((self.package, each) for each in (
+            self.package / path, self.package / package / path, self.own / path))]
+
+
+def _is_package(folder: Path) -> bool:
+    try:
+        return (folder / _MANIFEST).is_file()
+    except (OSError, ValueError):  # a folder that may not be entered, or that can be none
+        return False
+
+
+def _name(folder: Path) -> str:
+    """The name that a package states, empty if it states none that can be read."""
+    def parse(foreign: ForeignBytes) -> ElementTree.Element:
+        return parse_xml(foreign.text())
+
+    try:
+        return (read(folder / _MANIFEST, parse, "a package.xml", "correct it", most=_MOST_BYTES).findtext("name")
+                or "").strip()
+    except IcyMoonError:
+        return ""

@@ -1,0 +1,93 @@
+"""The forms of the lines of a text of many numbers: what is left where each run of digits becomes a single 0.
+
+Whether the words of a line are numbers does not depend on which digits they have, nor on how many. A large mesh has few
+forms of lines, so that these are looked at instead of millions of lines. A text that is unusual in any way is left to
+who reads line by line, and finds the line that is at fault.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from ...support.foreign_bytes import LONGEST_LINE, ForeignBytes
+
+#: Bytes that are looked at together, which stay in the processor's cache; most forms that are kept, and
+#: the longest.
+_TOGETHER, _MOST_FORMS, _LONGEST_FORM = 2**16, 10_000, 200
+_WINDOW = LONGEST_LINE // 2
+_DIGITS = bytes.maketrans(b"123456789", b"0" * 9)
+
+
+class UnusualError(Exception):
+    """A text must be looked at line by line."""
+
+
+def whole_lines(foreign: ForeignBytes, start: int = 0) -> Iterator[bytes]:
+    """A text from byte ``start`` on, in parts that end with a line.
+
+    Raises UnusualError where lines may be longer than ``LONGEST_LINE``, or do not end in \\n.
+    """
+    rest = b""
+    for at in range(start, foreign.size, _TOGETHER):
+        data = rest + foreign.part(at, min(_TOGETHER, foreign.size - at))
+        # A line that is too long fills one of these windows.
+        if any(data.find(b"\n", k, k + _WINDOW) < 0 for k in range(0, len(data) - _WINDOW, _WINDOW)):
+            raise UnusualError
+        end = data.rfind(b"\n") + 1
+        if end:
+            yield data[:end]
+        rest = data[end:]
+    if rest:
+        yield rest
+
+
+class Rows:
+    """The lines of a text from byte ``start`` on, of which so many are taken as a table has rows."""
+
+    def __init__(self, foreign: ForeignBytes, start: int) -> None:
+        self._parts, self._rest = whole_lines(foreign, start), b""
+
+    def take(self, count: int) -> Iterator[bytes]:
+        """The next ``count`` lines, many at a time. Raises UnusualError if there are fewer."""
+        while count:
+            text = self._rest or next(self._parts, b"")
+            if not text:
+                raise UnusualError
+            ends = np.flatnonzero(np.frombuffer(text, np.uint8) == ord("\n")) + 1
+            if not text.endswith(b"\n"):
+                ends = np.append(ends, len(text))
+            cut = int(ends[min(count, len(ends)) - 1])
+            text, self._rest = text[:cut], text[cut:]
+            count -= min(count, len(ends))
+            yield text
+
+
+def reduced(text: bytes) -> bytes:
+    """The text with one 0 for each run of digits. Raises UnusualError for one with zero bytes."""
+    if b"\0" in text:
+        raise UnusualError
+    values = np.frombuffer(text.translate(_DIGITS), np.uint8)
+    is_digit = values == ord("0")
+    kept = values.copy()
+    kept[1:] *= ~(is_digit[1:] & is_digit[:-1])
+    return kept.tobytes().translate(None, b"\0")
+
+
+class Forms:
+    """The forms of lines that ``check`` has passed. It gets a line and raises ValueError or UnusualError for a bad one.
+    """
+
+    def __init__(self, check: Callable[[bytes], object]) -> None:
+        self._check, self._known = check, set[bytes]()
+
+    def look_at(self, text: bytes) -> None:
+        """Check the lines of a reduced text. Raises UnusualError for one that ``check`` does not pass."""
+        for form in set(text.removesuffix(b"\n").split(b"\n")) - self._known:
+            try:
+                self._check(form.removesuffix(b"\r"))
+            except ValueError:
+                raise UnusualError from None
+            if len(self._known) < _MOST_FORMS and len(form) <= _LONGEST_FORM:
+                self._known.add(form)
