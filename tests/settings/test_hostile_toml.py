@@ -48,6 +48,22 @@ def test_a_large_file_is_refused_in_bounded_time(tmp_path, text):
         read_plan(tmp_path / "a.toml")
 
 
+def test_a_preset_that_a_file_includes_is_named_with_the_file(tmp_path):
+    file = tmp_path / "a.toml"
+    for name, words in (("a.toml", "names this file itself; leave it out"), ("./a.toml", "names this file itself"),
+                        ("b.toml", "names the file 'b.toml', and only shipped presets"),
+                        ("zzz", "Unknown preset 'zzz'"),
+                        ("scenes/europa_rough_icy", "did you mean 'scenes/europa_rough_ice'"),
+                        ("scenes/europa_rough_ice.toml", "did you mean 'scenes/europa_rough_ice'"),
+                        ("../a\\u0000.toml", "names the file")):
+        file.write_text(f'[preset]\ninclude = ["{name}"]\n', encoding="utf-8")
+        with pytest.raises(IcyMoonError) as caught:
+            load(file)
+        assert str(caught.value).startswith(f"{file}: preset.include")
+        assert words in str(caught.value)
+        assert len(str(caught.value)) < 400
+
+
 def test_what_is_no_file_is_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe.toml")
     for path in (tmp_path / "pipe.toml", tmp_path, tmp_path / "absent.toml"):
