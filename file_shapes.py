@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from .errors import IcyMoonError
-from .files import read_text
+from .files import quote, read_text
 from .suggestions import nearest
 from .support.foreign_bytes import MOST_TEXT, ForeignBytes, RefusedError, decode_text, parse_json, read
 from .system import name_fault
@@ -122,8 +122,7 @@ def _key_path(name: str, key: str) -> str:
 
 
 def _mismatch(value: Any, name: str, wanted: str) -> str:
-    shown = "a table" if isinstance(value, dict) else "a list" if isinstance(value, list) else repr(value)
-    return f"{name} is {shown if len(shown) < 60 else shown[:56] + ' …'}, not {wanted}"
+    return f"{name} is {quote(value)}, not {wanted}"
 
 
 def _first_fault(faults: Iterable[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import errno
 import json
 import os
@@ -17,6 +18,7 @@ import pytest
 from icymoon import cache, file_shapes, files, system
 from icymoon.commands.sources import read_pair_settings
 from icymoon.errors import IcyMoonError
+from icymoon.files import quote
 from icymoon.render.cost import estimate
 from icymoon.render.cost import speed as machine
 from icymoon.render.pairs.pair_folder import is_complete, read_pair, update_response
@@ -435,3 +437,13 @@ def test_a_table_that_is_no_file_is_not_waited_for(tmp_path):
     for path in (tmp_path / "pipe", tmp_path, tmp_path / "absent"):
         with pytest.raises(IcyMoonError, match=r"cannot be read.*check rocks\.file"):
             file_shapes.read_number_lines(path, ("a",), "rocks.file")
+
+
+@pytest.mark.parametrize(("value", "shown"), [
+    (True, "true"), (None, "null"), (3, "3"), (2.5, "2.5"), (10**5000, "a whole number of 5001 digits"), ("a", "'a'"),
+    ("x" * 100, "'" + "x" * 59 + "…"), ({"a": 1}, "a table"), ([1, "a", False], "[1, 'a', false]"),
+    ([[1]], "a list of 1"), (list(range(9)), "a list of 9"), (datetime.date(1979, 5, 27), "1979-05-27"),
+    (datetime.time(7, 32), "07:32:00"),
+    (datetime.datetime(1979, 5, 27, 7, 32, tzinfo=datetime.UTC), "1979-05-27T07:32:00+00:00")], ids=range(14))
+def test_a_value_is_quoted_plainly(value, shown):
+    assert quote(value) == shown

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import io
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -227,6 +228,24 @@ def test_what_is_no_array_is_refused(data):
         archive.writestr("a.npy", data)
     with pytest.raises(IcyMoonError):
         parse_part(stream.getvalue(), "a.npz", parse_npz, "an archive", "save it again")
+
+
+@pytest.mark.parametrize("parse", [
+    lambda: parse_part(header("{'descr': 3"), "a", parse_npy, "an array", "save it again"),
+    lambda: parse_part(header("__import__('os')"), "a", parse_npy, "an array", "save it again"),
+    lambda: parse_part(b"1" * 5000, "a", lambda f: int(f.content()), "a number", "save it again"),
+    lambda: parse_json("1" * 5000), lambda: parse_toml("a = " + "1" * 5000), lambda: parse_toml("a = 0x" + "f" * 5000),
+    lambda: parse_toml("a = [{b = 0b1" + "0" * 1023 + "}]")], ids=range(7))
+def test_no_word_of_python_is_in_a_sentence(parse):
+    with pytest.raises((IcyMoonError, ValueError)) as caught:
+        parse()
+    assert not [word for word in ("sys.", "EOF", "<", "object at", "integer string") if word in str(caught.value)]
+    assert re.search("number of more than 308 digits|its header is none of an array", str(caught.value))
+
+
+def test_a_whole_number_that_a_float_holds_is_read():
+    assert parse_toml("a = 0x" + "f" * 255) == {"a": 16**255 - 1}
+    assert float(16**255 - 1)
 
 
 def test_an_archive_that_unfolds_without_end_is_refused():

@@ -36,7 +36,7 @@ from ...file_shapes import (
     find_fault,
     parse_json,
 )
-from ...files import PART, json_text, read_text, replace_if_unchanged, sha256
+from ...files import PART, json_text, quote, read_text, replace_if_unchanged, sha256
 from ...physics.light.scene_sun import SceneSun, from_json
 from ...physics.rig.focal_length import focal_px
 from ...settings.changes import response
@@ -252,7 +252,7 @@ def read_pair(folder: Path) -> Pair:
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise IcyMoonError(f"{path} is not an Icy Moon pair; choose a folder that Render Stereo Pair wrote.")
     if data.get("version") != VERSION:
-        raise IcyMoonError(f"{path} has format version {data.get('version')!r}, this Icy Moon reads {VERSION}; "
+        raise IcyMoonError(f"{path} has format version {quote(data.get('version'))}, this Icy Moon reads {VERSION}; "
                            "use the version that wrote it.")
     check_record(data, _SHAPE, path, _FIX)
     settings = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))

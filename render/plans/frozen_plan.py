@@ -14,7 +14,7 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...file_shapes import COUNT, TABLE, TEXT, Each, check_record
-from ...files import explain_disk_errors, read_text, write_text
+from ...files import explain_disk_errors, quote, read_text, write_text
 from ...number_text import count_of
 from ...settings.description import asking_to_update, changed, check, merged, restored
 from ...settings.pair_ids import counts, value_in_id
@@ -97,7 +97,7 @@ def _describe_difference(pair: PlannedPair, pairs: Sequence[PlannedPair]) -> str
 
     nearest = min(pairs, key=lambda other: len(differing(other)))
     found = differing(nearest)
-    texts = [f"{topic}.{key} was {pair.settings[topic][key]!r} and is {nearest.settings[topic][key]!r}"
+    texts = [f"{topic}.{key} was {quote(pair.settings[topic][key])} and is {quote(nearest.settings[topic][key])}"
             for topic, key in found[:_MOST_NAMED]]
     if len(found) > _MOST_NAMED:
         texts.append(count_of(len(found) - _MOST_NAMED, "more setting"))

@@ -11,7 +11,10 @@ from icymoon.errors import IcyMoonError
 from icymoon.formats.toml_lines import find_line
 from icymoon.render.pairs.scene_splits import SPLITS, splits_of
 from icymoon.render.plans.plan_file import read_plan
+from icymoon.settings.description import override
 from icymoon.settings.preset_files import load
+from icymoon.stereo.datasets.plain_folder import parse_pairs_toml
+from icymoon.stereo.decisions.rules import read_rules
 
 pytestmark = pytest.mark.timeout(60)
 PLAN = '[plan]\ntitle = "a"\nseeds = 2\n[terrain]\nsize_m = 20.0\n'
@@ -46,6 +49,55 @@ def test_a_large_file_is_refused_in_bounded_time(tmp_path, text):
     (tmp_path / "a.toml").write_text(text, encoding="utf-8")
     with pytest.raises(IcyMoonError):
         read_plan(tmp_path / "a.toml")
+
+
+HEX = "0x" + "f" * 20000
+VALUES = ["9" * 5000, HEX, "9" * 300, "1979-05-27T07:32:00Z", "1979-05-27", "07:32:00", "{a = 1}", "[1, 2, [3]]",
+          "[{}]", "true", "nan", "-inf", "1e400", '"' + "x" * 3000 + '"',
+          '"\\u202e\\u0000\\u001b"', "[nan]", f"[{HEX}]",
+          f"{{uniform = [1, {HEX}]}}", f"{{uniform = [1, 0x{'f' * 255}]}}", "{normal = [1979-05-27, 1]}", "10000000000"]
+#: Words of Python in place of what the file contains.
+PYTHON = ("datetime", "sys.", "<class", "object at", "True", "False", "None", "{'", "inf px")
+
+
+@pytest.mark.parametrize("value", VALUES, ids=range(len(VALUES)))
+def test_a_value_of_another_kind_is_named_plainly(tmp_path, value):
+    plans = [f"[plan]\n{key} = {value}\n" for key in (
+        "title", "description", "extends", "include", "seeds", "draw_again", "grounds", "splits", "at_most", "files")]
+    plans += ["[plan]\n[[sweep]]\n" + text for text in (
+        f"kind = {value}\n", f'kind = "grid"\nname = {value}\n', f'kind = "grid"\nrig.width_px = {value}\n',
+        f'kind = "grid"\npreset = {value}\n', f'kind = "random"\ncount = 2\nrig.width_px = {value}\n',
+        f'kind = "sobol"\ncount = {value}\nrig.width_px = {{uniform = [100, 200]}}\n',
+        f'kind = "cases"\ncase = {value}\n', f'kind = "panorama"\nheadings = {value}\n',
+        f'kind = "panorama"\npitches_deg = {value}\n', f'kind = "descent"\nheights_m = {value}\n')]
+    presets = [f"[preset]\n{key} = {value}\n" for key in ("include", "title", "made_with")]
+    presets += [f"[{topic}]\n{key} = {value}\n" for topic, key in (
+        ("rig", "width_px"), ("rig", "baseline_m"), ("light", "stars"), ("surface", "model"), ("terrain", "layers"))]
+    others = [f"[site]\nslope_deg = {value}\n", f"site = {value}\n", f"[camera]\nfocal_px = {value}\n"]
+    file = tmp_path / "a.toml"
+    for read, texts in ((lambda path: read_plan(path).pairs(), plans), (load, presets), (read_rules, others[:2]),
+                        (parse_pairs_toml, [*others[2:], f'images.left = {value}\n'])):
+        for text in texts:
+            file.write_text(text, encoding="utf-8")
+            try:
+                read(file)
+            except IcyMoonError as error:
+                message = str(error)
+                assert message.startswith(str(file)), text[:100]
+                assert len(message) < 900, text[:100]
+                assert not [word for word in PYTHON if word in message], message
+
+
+@pytest.mark.parametrize("value", VALUES, ids=range(len(VALUES)))
+def test_a_value_of_set_is_named_plainly(value):
+    for name in ("rig.width_px", "rig.baseline_m", "light.stars", "terrain.layers", "surface.model"):
+        with suppress(IcyMoonError):
+            override(f"{name}={value}")
+            continue
+        with pytest.raises(IcyMoonError) as caught:
+            override(f"{name}={value}")
+        assert len(str(caught.value)) < 400
+        assert not [word for word in PYTHON if word in str(caught.value)]
 
 
 def test_a_preset_that_a_file_includes_is_named_with_the_file(tmp_path):

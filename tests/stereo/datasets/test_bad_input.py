@@ -230,7 +230,7 @@ def test_a_file_outside_costs_one_pair(tmp_path, layout, fault):
 @pytest.mark.skipif(os.name == "nt", reason="links need a privilege on Windows")
 @pytest.mark.usefixtures("undrawn")
 def test_an_evaluation_goes_on_beside_a_link_that_leads_outside(tmp_path):
-    root, name, names = with_two_pairs("plain", tmp_path / "set")
+    root, name, _ = with_two_pairs("plain", tmp_path / "set")
     shutil.move(root / name, tmp_path / "secret")
     (root / name).symlink_to(tmp_path / "secret")
     result = evaluate([root], parse_methods("bm"), tmp_path / "out")
@@ -242,7 +242,7 @@ def test_an_evaluation_goes_on_beside_a_link_that_leads_outside(tmp_path):
 def test_a_data_set_without_a_usable_pair_is_refused_at_once(tmp_path):
     root, name, _ = with_two_pairs("kitti", tmp_path / "set")
     shutil.rmtree((root / name).parent)
-    with pytest.raises(IcyMoonError, match="000000.txt is missing"):
+    with pytest.raises(IcyMoonError, match=r"000000\.txt is missing"):
         find_sources([root])
 
 
