@@ -170,6 +170,21 @@ def test_a_line_is_found_in_bounded_time_or_not_at_all(text):
     assert find_line(text, ("b",)) in (None, len(text.splitlines()))
 
 
+LONG = {"[rig]\nzz = 1": 2, "[rig]\nwidth_px = 'a'": 2, "rig.width_px = 1": 1, "[[sweep]]\nname = 'x'": 1,
+        "[[sweep]]\nkind = 'grid'\nrig.width_px = [10]\n[[sweep]]\nkind = 'grid'\nrig.pitch_deg = [1, 'x']": 6,
+        "[[sweep]]\nkind = 'grid'\n[sweep.rig]\nwidth_px = ['x']": 4,
+        "['rig']\n  'width_px' = 1 # = 2\n": 2}
+
+
+@pytest.mark.parametrize("text", LONG, ids=range(len(LONG)))
+def test_the_line_is_named_a_million_lines_down(tmp_path, text):
+    file = tmp_path / "a.toml"
+    file.write_text(PLAN + "#\n" * 10**6 + text, encoding="utf-8")
+    with pytest.raises(IcyMoonError) as caught:
+        read_plan(file).pairs()
+    assert str(caught.value).startswith(f"{file}, line {10**6 + 5 + LONG[text]}: ")
+
+
 @pytest.mark.parametrize("content", [
     b"", b"\n", b"{}", b"[]", b"{\"plan\": 3}", b"{\"plan\": \"[plan\"}", b"{\"plan\": \"plan = 1\"}", b"[" * 10**5,
     b"\xff" * 10**5,
