@@ -214,7 +214,7 @@ def read(path: Path, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: st
     try:
         stream = system.retry(lambda: system.open_regular(path))
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({_reason(error)}); {fix}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {fix}.") from None
     with stream:
         size = stream.seek(0, io.SEEK_END)
         if size > most:
@@ -245,10 +245,10 @@ def explained(where: object, kind: str, fix: str) -> Iterator[None]:
     except MemoryError:
         raise IcyMoonError(f"{where}: needs more memory than there is; {fix}.") from None
     except Exception as error:
-        raise IcyMoonError(f"{where}: is not {kind} that can be read ({_reason(error)}); {fix}.") from None
+        raise IcyMoonError(f"{where}: is not {kind} that can be read ({reason_of(error)}); {fix}.") from None
 
 
-def _reason(error: Exception) -> str:
+def reason_of(error: Exception) -> str:
     """The reason of an error in a few words."""
     if isinstance(error, OSError):
         return error.strerror or type(error).__name__
@@ -339,7 +339,7 @@ def parse_json(text: str | bytes) -> Any:
     except json.JSONDecodeError:
         raise
     except ValueError as error:
-        raise ValueError(_reason(error)) from None
+        raise ValueError(reason_of(error)) from None
 
 
 def _parse_finite(text: str) -> float:
@@ -373,7 +373,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     except RecursionError:
         raise tomllib.TOMLDecodeError("it is nested too deeply") from None
     except ValueError as error:  # a number of too many digits
-        raise tomllib.TOMLDecodeError(_reason(error)) from None
+        raise tomllib.TOMLDecodeError(reason_of(error)) from None
     if long_lines:
         _refuse_long_numbers(data)
     return data

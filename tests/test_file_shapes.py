@@ -447,3 +447,16 @@ def test_a_table_that_is_no_file_is_not_waited_for(tmp_path):
     (datetime.datetime(1979, 5, 27, 7, 32, tzinfo=datetime.UTC), "1979-05-27T07:32:00+00:00")], ids=range(14))
 def test_a_value_is_quoted_plainly(value, shown):
     assert quote(value) == shown
+
+
+@pytest.mark.parametrize(("data", "text"), [
+    (b"a,b\n1,2\n1,\0002\n", "has a byte 0 in line 3"), (b"a,\0b\n1,2\n", "has a byte 0 in line 1"),
+    (b"a,c\n1,2\n1,\xff\n" * 10, "has no column b, but the first line 'a,c'."),
+    (b"a," + b"," * 60000 + b"\n", "has no column b, but the first line"),
+    (b"a,b,c\n1,2,\0\n", "has a byte 0 in line 2")])
+def test_a_fault_of_a_table_is_named_with_its_line(tmp_path, data, text):
+    (tmp_path / "a.csv").write_bytes(data)
+    with pytest.raises(IcyMoonError) as caught:
+        file_shapes.read_number_lines(tmp_path / "a.csv", ("a", "b"), "rocks.file")
+    assert text in str(caught.value)
+    assert len(str(caught.value)) < 300

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -100,7 +101,7 @@ def _check_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[
         yield Problem("foreign", planned.id, f"{link} is a link, which is no part of a pair; put what it leads to "
                       "in its place, or remove it and run icymoon batch.", folder)
         return
-    if not (folder / "pair.json").is_file():
+    if not os.path.lexists(folder / "pair.json"):
         if folder.exists():
             yield Problem("broken", planned.id, f"{folder} has no pair.json.", folder)
         else:

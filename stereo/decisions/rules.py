@@ -11,7 +11,7 @@ from ...errors import IcyMoonError
 from ...file_shapes import NUMBER
 from ...files import quote, read_text, shorten
 from ...suggestions import nearest
-from ...support.foreign_bytes import parse_toml
+from ...support.foreign_bytes import parse_toml, reason_of
 
 SHIPPED = Path(__file__).with_suffix(".toml")
 
@@ -70,7 +70,7 @@ def _read(path: Path) -> dict[str, dict[str, float]]:
     try:
         data = parse_toml(read_text(path))
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read as rules ({error}); give a TOML file.") from None
+        raise IcyMoonError(f"{path} cannot be read as rules ({reason_of(error)}); give a TOML file.") from None
     data.pop("sources", None)
     found = {}
     for part, table in data.items():
