@@ -258,6 +258,14 @@ def reason_of(error: Exception) -> str:
         return f"it has a number of more than {_MOST_DIGITS} digits"
     if isinstance(error, KeyError):
         return f"{str(error)[:80]} is missing"
+    if isinstance(error, IndexError):
+        return "it refers to what it has not"
+    if isinstance(error, TypeError | AttributeError):
+        return "it has a value of another kind than it must have there"
+    if isinstance(error, OverflowError):
+        return "it has a number that is too large"
+    if isinstance(error, struct.error):
+        return "it is cut off"
     lines_of = str(error).strip().splitlines()
     return lines_of[0][:200].rstrip(".") if lines_of else type(error).__name__
 

@@ -7,6 +7,7 @@ import io
 import os
 import re
 import resource
+import struct
 import subprocess
 import sys
 import zipfile
@@ -128,6 +129,15 @@ def test_whatever_a_parser_raises_is_one_sentence(tmp_path, error, text):
     assert text in str(caught.value)
     assert "\n" not in str(caught.value)
     assert str(caught.value).endswith(".")
+
+
+@pytest.mark.parametrize("parse", [
+    lambda f: [][3], lambda f: None.get(3), lambda f: 3 < "a", lambda f: float(10**400),
+    lambda f: f.cursor().unpack("<9d"), lambda f: struct.unpack("<9d", b"")], ids=range(6))
+def test_mistakes_of_a_parser_are_told_in_words_of_the_file(tmp_path, parse):
+    with pytest.raises(IcyMoonError) as caught:
+        parse_part(b"abc", "a.bin", parse, "a thing", "make it again")
+    assert not [word for word in ("object", "instance", "range", "buffer", "convert") if word in str(caught.value)]
 
 
 def test_what_is_no_regular_file_is_refused_at_once(tmp_path):

@@ -79,8 +79,10 @@ def check_statements(foreign: ForeignBytes) -> None:
             # Whether words are numbers does not depend on their digits, and most lines differ in nothing else.
             form = line.translate(_DIGITS)
             if form not in known:
-                parse_vertex(line.split(None, 4), number)
-                if len(known) < _MOST_FORMS:
+                words = line.split(None, 4)
+                parse_vertex(words, number)
+                # With an exponent of three digits a number may be too large, whatever its form.
+                if len(known) < _MOST_FORMS and all(len(word.lower().partition(b"e")[2]) < 4 for word in words[1:]):
                     known.add(form)
         elif not count and number == 1 and not line.lstrip().lower().startswith(b"solid"):
             raise ValueError("it is cut off")
