@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from .errors import IcyMoonError
-from .files import read_text
+from .files import quote, read_text
 from .suggestions import nearest
-from .support.foreign_bytes import MOST_TEXT, ForeignBytes, RefusedError, decode_text, parse_json, read
+from .support.foreign_bytes import MOST_TEXT, ForeignBytes, RefusedError, decode_text, parse_json, read, reason_of
 from .system import name_fault
 
 
@@ -122,8 +122,7 @@ def _key_path(name: str, key: str) -> str:
 
 
 def _mismatch(value: Any, name: str, wanted: str) -> str:
-    shown = "a table" if isinstance(value, dict) else "a list" if isinstance(value, list) else repr(value)
-    return f"{name} is {shown if len(shown) < 60 else shown[:56] + ' …'}, not {wanted}"
+    return f"{name} is {quote(value)}, not {wanted}"
 
 
 def _first_fault(faults: Iterable[str]) -> str:
@@ -145,7 +144,7 @@ def read_record(path: Path, shape: Shape, fix: str) -> Any:
     except FileNotFoundError:
         raise
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({error}); {fix}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {fix}.") from None
     return check_record(data, shape, path, fix)
 
 
@@ -169,11 +168,12 @@ def _parse_number_lines(foreign: ForeignBytes, columns: Sequence[str],
                         most: int | None) -> list[tuple[int, list[float] | None]]:
     found: list[tuple[int, list[float] | None]] = []
     lines = foreign.lines()
-    first = next(lines, (1, b""))[1].removeprefix(codecs.BOM_UTF8)
+    first = _without_nul(*next(lines, (1, b""))).removeprefix(codecs.BOM_UTF8)
     heads = [head.strip() for head in decode_text(first).split(",")]
     for column in columns:
         if column not in heads:
-            raise RefusedError(f"has no column {column}, {nearest(column, heads)} Its first line must name the columns "
+            guess = nearest(column, heads, otherwise=f"but the first line {quote(decode_text(first))}.")
+            raise RefusedError(f"has no column {column}, {guess} Its first line must name the columns "
                                f"{', '.join(columns)}.")
     places = [heads.index(column) for column in columns]
     for number, line in lines:
@@ -183,8 +183,14 @@ def _parse_number_lines(foreign: ForeignBytes, columns: Sequence[str],
             raise RefusedError(f"has more than {most} lines of numbers; leave out those that lie evenly between their "
                                "neighbours.")
         foreign.budget.charge(_OF_A_LINE + _OF_A_NUMBER * len(places), "numbers")
-        found.append((number, _numbers_at(line.split(b","), places)))
+        found.append((number, _numbers_at(_without_nul(number, line).split(b","), places)))
     return found
+
+
+def _without_nul(number: int, line: bytes) -> bytes:
+    if b"\0" in line:
+        raise RefusedError(f"has a byte 0 in line {number}, which no text has; save it as UTF-8.")
+    return line
 
 
 def _numbers_at(cells: Sequence[bytes], places: Sequence[int]) -> list[float] | None:

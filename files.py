@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import errno
 import glob
 import hashlib
@@ -9,7 +10,7 @@ import itertools
 import json
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ from .support.printer import show_controls
 PART = ".part"
 #: Bytes of a file that its checksum is made of at a time.
 _PART_BYTES = 2**18
+#: A whole number from which on its digits are counted in a sentence, and values of a list that are quoted.
+_LONGEST_WHOLE, _MOST_QUOTED = 10**20, 8
 #: What usual file systems take: bytes of a name, characters of a path.
 _LONGEST_NAME, _LONGEST_PATH = 255, 4095
 _FIXES = {errno.ENOSPC: "the disk is full; free some space or choose another folder",
@@ -205,7 +208,21 @@ def shorten(text: str) -> str:
 
 
 def quote(value: object) -> str:
-    """A value to quote in a sentence, as Python writes it: only its beginning if that is long."""
+    """A value of a file to quote in a sentence, plainly and never long: texts in quotes,
+    ``true``, dates as written in TOML, ``a table``, ``a whole number of 5000 digits``."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if value is None:
+        return "null"
+    if isinstance(value, int) and abs(value) >= _LONGEST_WHOLE:
+        return f"a whole number of {int(math.log10(abs(value))) + 1} digits"
+    if isinstance(value, datetime.date | datetime.time):  # a datetime is a date
+        return value.isoformat()
+    if isinstance(value, Mapping):
+        return "a table"
+    if isinstance(value, list | tuple):
+        plain = len(value) <= _MOST_QUOTED and not any(isinstance(each, Mapping | list | tuple) for each in value)
+        return shorten(f"[{', '.join(map(quote, value))}]") if plain else f"a list of {len(value)}"
     return shorten(repr(value))
 
 

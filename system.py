@@ -93,10 +93,14 @@ def open_regular(path: Path) -> IO[bytes]:
     Raises OSError for any other.
     """
     flags = os.O_RDONLY | getattr(os, "O_BINARY", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
-    handle = os.open(path, flags)
+    irregular = OSError(errno.EINVAL, "it is no regular file", str(path))
+    try:
+        handle = os.open(path, flags)
+    except OSError as error:
+        raise (irregular if error.errno == errno.ENXIO else error) from None  # a socket
     if not stat.S_ISREG(os.fstat(handle).st_mode):
         os.close(handle)
-        raise OSError(errno.EINVAL, "it is no regular file", str(path))
+        raise irregular
     return os.fdopen(handle, "rb")
 
 

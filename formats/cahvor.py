@@ -18,6 +18,7 @@ import numpy as np
 from ..errors import IcyMoonError
 from ..file_shapes import PIXELS
 from ..files import shorten
+from ..number_text import count_of
 from ..physics.camera.lens_distortion import distort
 from ..support.foreign_bytes import ForeignBytes, RefusedError, read
 from .odl import Group, Value, parse_label
@@ -322,7 +323,7 @@ def _number(word: object, what: str) -> float:
 
 def _vector(words: Sequence[object], what: str) -> np.ndarray:
     if len(words) != 3:
-        raise ValueError(f"{what} has {len(words)} numbers, not 3")
+        raise ValueError(f"{what} has {count_of(len(words), 'number')}, not 3")
     return np.array([_number(word, what) for word in words])
 
 

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from urllib.parse import unquote
 
 from ..file_shapes import COUNT
-from ..files import shorten
+from ..files import quote, shorten
 from ..support.foreign_bytes import ForeignBytes, OverBudgetError, parse_json, read
 from .ply import MOST_MESH
 
@@ -47,6 +47,7 @@ def check(path: Path) -> list[str]:
         if used > _MOST_USES * sum(buffers) + _MOST_BESIDE:
             raise OverBudgetError(f"uses {used / 1e6:.0f} MB for its meshes, of buffers of {sum(buffers) / 1e6:.3g} MB")
         _check_nodes(document.get("nodes", []))
+        _check_scenes(document)
         return [unquote(each["uri"]) for each in document.get("images", ())
                 if "uri" in each and not each["uri"].startswith("data:")]
 
@@ -84,6 +85,8 @@ def _find_inside(path: Path, uri: str) -> Path:
     name = PurePosixPath(unquote(uri))
     if name.is_absolute() or ".." in name.parts or ":" in uri or "\\" in str(name) or "\0" in str(name):
         raise ValueError(f"its buffer {shorten(uri)!r} is not in its folder")
+    if not (path.parent / name).resolve().is_relative_to(path.parent.resolve()):
+        raise ValueError(f"its buffer {shorten(uri)!r} is a link that leads out of its folder")
     return path.parent / name
 
 
@@ -148,6 +151,17 @@ def _used_accessors(document: dict[str, Any]) -> Iterator[int]:
                 if "inverseBindMatrices" in skin)
     yield from (_count(sampler, key) for animation in document.get("animations", ())
                 for sampler in animation["samplers"] for key in ("input", "output"))
+
+
+def _check_scenes(document: dict[str, Any]) -> None:
+    """Scenes must be of nodes that are there, and the one to show must be one of them."""
+    scenes, nodes = document.get("scenes", []), document.get("nodes", [])
+    if scenes and _count(document, "scene", 0) >= len(scenes):
+        raise ValueError(f"its scene {document['scene']} is not there")
+    for scene in scenes:
+        for node in scene.get("nodes", ()):
+            if not COUNT.fits(node) or node >= len(nodes):
+                raise ValueError(f"the node {quote(node)} of a scene is not there")
 
 
 def _check_nodes(nodes: list[dict[str, Any]]) -> None:

@@ -17,6 +17,7 @@ from ..files import is_file, shorten
 from ..physics.mesh import obj, stl
 from ..support.foreign_bytes import Cursor, ForeignBytes, read
 from . import gltf, ply
+from .mesh_file import with_article
 
 _FIX = "export the mesh again"
 #: Largest content in bytes that packed arrays of an FBX file may have.
@@ -43,7 +44,7 @@ def check_mesh(path: Path, kind: str) -> None:
         return
     parse = {"PLY": ply.check, "STL": stl.check_statements, "OBJ": lambda foreign: _check_obj(path, foreign),
              "FBX": _check_fbx, "USD": lambda foreign: _check_usd(path, foreign)}[kind]
-    read(path, parse, f"{'an' if kind in ('STL', 'OBJ', 'FBX') else 'a'} {kind} file", _FIX, most=ply.MOST_MESH,
+    read(path, parse, f"{with_article(kind)} file", _FIX, most=ply.MOST_MESH,
          memory=_MOST_UNPACKED)
 
 

@@ -60,8 +60,14 @@ def detect_kind(path: Path) -> str:
     if not start:
         raise IcyMoonError(f"{path}: is empty; export the mesh again.")
     if not _looks_like(kind, path.suffix.lower(), start):
-        raise IcyMoonError(f"{path}: is not a {kind} file, although its name ends so; export the mesh again.")
+        raise IcyMoonError(f"{path}: is not {with_article(kind)} file, although its name ends so; export the mesh "
+                           "again.")
     return kind
+
+
+def with_article(kind: str) -> str:
+    """The kind of a mesh file after its article, as it is spoken."""
+    return f"{'an' if kind in ('STL', 'OBJ', 'FBX') else 'a'} {kind}"
 
 
 def read_opening(path: Path) -> bytes:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +22,7 @@ def _has(data: Any, key: Key) -> bool:
     return True
 
 
-#: Characters that are parsed to find a line. A text that needs more is so long that its lines are not told.
+#: Characters that are parsed to find a line.
 _MOST_PARSED = 2**21
 
 
@@ -37,7 +38,9 @@ def _parse_beginning(beginning: str, budget: Budget) -> dict[str, Any] | None:
 
 
 def find_line(text: str, key: Key, budget: Budget | None = None) -> int | None:
-    """The line, from 1, in which the value or table at ``key`` begins; None if there is none, or ``budget`` is used up.
+    """The line, from 1, in which the value or table at ``key`` begins; None if there is none.
+
+    Where ``budget`` is used up, only lines of usual spellings are found.
 
     ``("sweep", 2, "rig", "pitch_deg")`` is the setting in the third table of a list. ``tomllib`` tells no lines, but
     the beginning of a file up to a line is a TOML file too: the first beginning that holds the key ends with it, and
@@ -68,9 +71,47 @@ def find_line(text: str, key: Key, budget: Budget | None = None) -> int | None:
             if end > middle and within == least == end:
                 least = middle  # none is whole between the two
     except OverBudgetError:
-        return None
+        return _find_plain_line(text, key)
     empty = (k for k in range(without, within) if lines[k].strip() and not lines[k].lstrip().startswith("#"))
     return next(empty, within - 1) + 1
+
+
+@functools.lru_cache(maxsize=64)
+def _find_plain_line(text: str, key: Key) -> int | None:
+    """The line of a key in a text that is too long for ``find_line`` to parse, read as most files are written: a
+    header or a key begins a line, and no text has several. A place in a list is that of the list."""
+    header: Key = ()
+    counts: dict[Key, int] = {}
+    while len(key) > 2 and isinstance(key[-1], int):
+        key = key[:-1]
+    for number, line in enumerate(text.splitlines(), 1):
+        stated = line.strip()
+        if stated.startswith("["):
+            header = _find_table(_parts_of(stated.partition("]")[0].strip("[")), counts, stated.startswith("[["))
+            found = header
+        elif "=" in stated and not stated.startswith("#"):
+            found = (*header, *_parts_of(stated.partition("=")[0]))
+        else:
+            continue
+        if found[:len(key)] == key:
+            return number
+    return None
+
+
+def _parts_of(name: str) -> tuple[str, ...]:
+    return tuple(part.strip(" \t\"'") for part in name.split("."))
+
+
+def _find_table(parts: tuple[str, ...], counts: dict[Key, int], begins_another: bool) -> Key:
+    """The key of a header's table, with its place in each list; ``counts`` are the last places, by list."""
+    found: Key = ()
+    for k, part in enumerate(parts):
+        found = (*found, part)
+        if begins_another and k == len(parts) - 1:
+            counts[found] = counts.get(found, -1) + 1
+        if found in counts:
+            found = (*found, counts[found])
+    return found
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import textwrap
 from collections.abc import Callable, Sequence
@@ -327,10 +328,10 @@ def _fault_of_folder(folder: Path, text: str) -> str:
     """
     path, pairs = folder / PLAN, folder / "pairs"
     try:
-        there = read_text(path) if path.is_file() else ""
+        there = read_text(path) if os.path.lexists(path) else ""
         if there == text:
             return ""
-        frozen = read_frozen_plan(folder) if (folder / FROZEN).is_file() else None
+        frozen = read_frozen_plan(folder) if os.path.lexists(folder / FROZEN) else None
         rendered = {each.name for each in pairs.iterdir()} if pairs.is_dir() else set()
     except (OSError, ValueError, IcyMoonError):
         return f"{folder} contains files that cannot be read; choose another folder."

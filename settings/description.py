@@ -116,7 +116,8 @@ def _check_range(setting: Setting, value: float, name: str, where: str, stored: 
     inside = low <= number <= high or low <= _single(number) <= high
     if not inside and not (stored and math.isfinite(_single(number))):
         unit = f" {setting.unit}" if setting.unit not in ("", "1") else ""
-        raise IcyMoonError(f"{where}: {name} is {number:g}{unit}, outside {low:g} to {high:g}{unit}.")
+        shown = f"{number:g}{unit}" if math.isfinite(number) else quote(value)
+        raise IcyMoonError(f"{where}: {name} is {shown}, outside {low:g} to {high:g}{unit}.")
 
 
 def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings:
@@ -239,7 +240,7 @@ def override(text: str) -> Settings:
     name, equals, value = (part.strip() for part in text.partition("="))
     topic_key, dot, key = name.partition(".")
     if not (equals and dot):
-        raise IcyMoonError(f"--set {text}: write it as topic.key=value, as in terrain.size_m=20.")
+        raise IcyMoonError(f"--set {shorten(text)}: write it as topic.key=value, as in terrain.size_m=20.")
     topic = TOPICS.get(topic_key)
     known = {s.key: s for s in topic.settings} if topic else {}
     parsed: Any
@@ -250,7 +251,7 @@ def override(text: str) -> Settings:
             parsed = parse_toml(f"value = {value}")["value"]
         except ValueError:
             parsed = value
-    return check({topic_key: {key: parsed}}, f"--set {text}")
+    return check({topic_key: {key: parsed}}, f"--set {shorten(text)}")
 
 
 def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "",

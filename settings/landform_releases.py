@@ -7,11 +7,11 @@ make other ground.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 from ..errors import IcyMoonError
+from ..file_shapes import NUMBER
 from ..plugins.landforms import PREFIX, RELEASE, missing_landform
 from ..typed_settings import Settings, Table
 from .table import TOPICS
@@ -51,7 +51,7 @@ def kept_of_missing(topic: str, values: Mapping[str, Any], where: str) -> dict[s
     if release == "":
         return {}
     if not isinstance(release, str) or len(release) > _LONGEST or not all(
-            isinstance(key, str) and isinstance(value, (int, float)) and math.isfinite(value)
+            isinstance(key, str) and (isinstance(value, bool) or NUMBER.fits(value))
             for key, value in values.items() if key != RELEASE):
         raise IcyMoonError(f"{where}: [{topic}] is damaged; restore the file, or render the pair again.")
     return dict(values)

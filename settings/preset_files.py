@@ -5,6 +5,7 @@ A preset describes a whole scene or a part of one. The user's settings files hav
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -42,13 +43,26 @@ def load(path: Path) -> Settings:
     data.pop("sources", None)
     data.pop("measured", None)
     with asking_to_update(str(path), str(header.get("made_with", "")) if isinstance(header, Mapping) else ""):
-        included = [load_preset(name) for name in _checked_header(header, path)]
+        included = [_load_included(name, path) for name in _checked_header(header, path)]
         return merged(*included, beside(path.parent, check(data, str(path))))
 
 
 def load_preset(name: str) -> Settings:
     """The partial description of a shipped preset; see ``preset_path`` and ``load``."""
     return load(preset_path(name))
+
+
+def _load_included(name: str, path: Path) -> Settings:
+    """The shipped preset that the file at ``path`` includes."""
+    if name.endswith(".toml") and name.removesuffix(".toml") not in preset_names():
+        includes_itself = os.path.abspath(path.parent / name) == os.path.abspath(path)
+        raise IcyMoonError(f"{path}: preset.include names " + ("this file itself; leave it out." if includes_itself else
+                           f"the file {quote(name)}, and only shipped presets can be included; leave it out, and give "
+                           "both files with --settings."))
+    try:
+        return load_preset(name)
+    except IcyMoonError as error:
+        raise IcyMoonError(f"{path}: preset.include: {error}") from None
 
 
 def _checked_header(header: Any, path: Path) -> list[str]:
@@ -97,7 +111,8 @@ def preset_path(name: str) -> Path:
     for candidate in (PRESETS / f"{name}.toml", PRESETS / "scenes" / f"{name}.toml"):
         if ".." not in name and is_file(candidate):
             return candidate
-    raise IcyMoonError(f"Unknown preset {shorten(name)!r}, {nearest(shorten(name), preset_names(), MIN_SIMILARITY)}")
+    raise IcyMoonError(f"Unknown preset {quote(name)}, " + nearest(
+        shorten(name), preset_names(), MIN_SIMILARITY, "none of those that icymoon presets lists."))
 
 
 def preview_path(name: str) -> Path:

@@ -12,7 +12,7 @@ from ..file_shapes import FILE_NAME
 from ..files import read_checksum
 from ..render.pairs.pair_folder import has_pairs
 from .datasets.foreign_pair import ForeignPair
-from .datasets.layouts import KNOWN, find_foreign_pairs
+from .datasets.layouts import KNOWN, FoundPair, find_foreign_pairs
 from .measure.prepare import Prepared, distinct_pairs, prepare
 
 
@@ -75,7 +75,7 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
     return found
 
 
-def _find_foreign(path: Path) -> list[ForeignPair]:
+def _find_foreign(path: Path) -> list[FoundPair]:
     pairs = find_foreign_pairs(path)
     if not pairs:
         raise IcyMoonError(f"{path} contains no complete stereo pair; render one first or choose another folder: a "

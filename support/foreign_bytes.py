@@ -44,6 +44,9 @@ MOST_TOML, _MOST_PARTS, _MOST_TABLES = 4_000_000, 10, 400_000
 _MOST_LISTS, _MOST_VALUES = 1_000_000, 5_000_000
 #: Each byte of a file may be read so many times; formats whose tables lead to their data need two.
 _MOST_READINGS = 4
+#: Digits and bits of the largest whole number of a TOML file, which a float can hold; a line with more hexadecimal
+#: digits is at least so long.
+_MOST_DIGITS, _MOST_BITS, _LEAST_DIGITS = 308, 1023, 255
 #: Bytes that are split into lines at a time, at least.
 _LEAST_PART = 2**16
 #: Members of an archive, bytes of an array's header.
@@ -213,7 +216,7 @@ def read(path: Path, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: st
     try:
         stream = system.retry(lambda: system.open_regular(path))
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({_reason(error)}); {fix}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {fix}.") from None
     with stream:
         size = stream.seek(0, io.SEEK_END)
         if size > most:
@@ -244,17 +247,27 @@ def explained(where: object, kind: str, fix: str) -> Iterator[None]:
     except MemoryError:
         raise IcyMoonError(f"{where}: needs more memory than there is; {fix}.") from None
     except Exception as error:
-        raise IcyMoonError(f"{where}: is not {kind} that can be read ({_reason(error)}); {fix}.") from None
+        raise IcyMoonError(f"{where}: is not {kind} that can be read ({reason_of(error)}); {fix}.") from None
 
 
-def _reason(error: Exception) -> str:
+def reason_of(error: Exception) -> str:
     """The reason of an error in a few words."""
     if isinstance(error, OSError):
         return error.strerror or type(error).__name__
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
+    if isinstance(error, ValueError) and "int_max_str_digits" in str(error):  # which is no word for a user
+        return f"it has a number of more than {_MOST_DIGITS} digits"
     if isinstance(error, KeyError):
         return f"{str(error)[:80]} is missing"
+    if isinstance(error, IndexError):
+        return "it refers to what it has not"
+    if isinstance(error, TypeError | AttributeError):
+        return "it has a value of another kind than it must have there"
+    if isinstance(error, OverflowError):
+        return "it has a number that is too large"
+    if isinstance(error, struct.error):
+        return "it is cut off"
     lines_of = str(error).strip().splitlines()
     return lines_of[0][:200].rstrip(".") if lines_of else type(error).__name__
 
@@ -333,6 +346,10 @@ def parse_json(text: str | bytes) -> Any:
         return json.loads(text, parse_float=_parse_finite, parse_constant=_parse_finite)
     except RecursionError:
         raise ValueError("it is nested too deeply") from None
+    except json.JSONDecodeError:
+        raise
+    except ValueError as error:
+        raise ValueError(reason_of(error)) from None
 
 
 def _parse_finite(text: str) -> float:
@@ -347,8 +364,9 @@ def parse_toml(text: str) -> dict[str, Any]:
     if len(text) > MOST_TOML:
         raise tomllib.TOMLDecodeError(f"it has {len(text) / 1e6:.0f} million characters, more than "
                                       f"{MOST_TOML / 1e6:g}")
-    tables = 0
+    tables, long_lines = 0, False
     for number, line in enumerate(text.split("\n"), 1):  # tomllib looks at each beginning of a key
+        long_lines = long_lines or len(line) > _LEAST_DIGITS
         if "." not in line:
             continue
         head = line.partition("=")[0] if "=" in line else line if line.lstrip().startswith("[") else ""
@@ -359,13 +377,29 @@ def parse_toml(text: str) -> dict[str, Any]:
         if tables > _MOST_TABLES:
             raise tomllib.TOMLDecodeError(f"up to line {number} it has more than {_MOST_TABLES} tables in its keys")
     try:
-        return tomllib.loads(text)
+        data = tomllib.loads(text)
     except tomllib.TOMLDecodeError:
         raise
     except RecursionError:
         raise tomllib.TOMLDecodeError("it is nested too deeply") from None
     except ValueError as error:  # a number of too many digits
-        raise tomllib.TOMLDecodeError(str(error)) from None
+        raise tomllib.TOMLDecodeError(reason_of(error)) from None
+    if long_lines:
+        _refuse_long_numbers(data)
+    return data
+
+
+def _refuse_long_numbers(data: dict[str, Any]) -> None:
+    """Refuse whole numbers that are too large for a float, which numbers in hexadecimal digits may be."""
+    left: list[Any] = [data]
+    while left:
+        value = left.pop()
+        if isinstance(value, dict):
+            left += value.values()
+        elif isinstance(value, list):
+            left += value
+        elif isinstance(value, int) and value.bit_length() > _MOST_BITS:
+            raise tomllib.TOMLDecodeError(f"it has a number of more than {_MOST_DIGITS} digits")
 
 
 def parse_xml(text: str, budget: Budget | None = None) -> ElementTree.Element:
@@ -428,7 +462,10 @@ def _read_array(cursor: Cursor, kinds: str) -> np.ndarray:
     if length > _MOST_HEADER:
         raise ValueError(f"a header of {length} bytes")
     stated = io.BytesIO(struct.pack("<I", length) + cursor.take(length))
-    shape, by_columns, dtype = np.lib.format.read_array_header_2_0(stated)
+    try:
+        shape, by_columns, dtype = np.lib.format.read_array_header_2_0(stated)
+    except Exception:
+        raise ValueError("its header is none of an array") from None
     if dtype.kind not in kinds or dtype.hasobject:
         raise ValueError(f"values of type {str(dtype)[:40]}")
     if len(shape) > 8 or any(type(each) is not int or each < 0 for each in shape):

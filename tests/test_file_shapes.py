@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import errno
 import json
 import os
@@ -17,6 +18,7 @@ import pytest
 from icymoon import cache, file_shapes, files, system
 from icymoon.commands.sources import read_pair_settings
 from icymoon.errors import IcyMoonError
+from icymoon.files import quote
 from icymoon.render.cost import estimate
 from icymoon.render.cost import speed as machine
 from icymoon.render.pairs.pair_folder import is_complete, read_pair, update_response
@@ -408,7 +410,7 @@ def test_numbers_of_a_table_are_those_of_its_lines(tmp_path):
             (2, [2.0, 1.0]), (4, [40.0, 3.0])]
 
 
-@pytest.mark.parametrize("line", ["1", "", ",", "x,1", "1,x", "1_0,1", "'1',1", "1,\x1b[31m", "\0,1", "0x1,1", "1,-"])
+@pytest.mark.parametrize("line", ["1", "", ",", "x,1", "1,x", "1_0,1", "'1',1", "1,\x1b[31m", "0x1,1", "1,-"])
 def test_a_line_without_numbers_is_none(tmp_path, line):
     (tmp_path / "a.csv").write_text(f"a,b\n1,2\n{line}\n", encoding="utf-8")
     found = file_shapes.read_number_lines(tmp_path / "a.csv", ("a", "b"), "rocks.file")
@@ -435,3 +437,26 @@ def test_a_table_that_is_no_file_is_not_waited_for(tmp_path):
     for path in (tmp_path / "pipe", tmp_path, tmp_path / "absent"):
         with pytest.raises(IcyMoonError, match=r"cannot be read.*check rocks\.file"):
             file_shapes.read_number_lines(path, ("a",), "rocks.file")
+
+
+@pytest.mark.parametrize(("value", "shown"), [
+    (True, "true"), (None, "null"), (3, "3"), (2.5, "2.5"), (10**5000, "a whole number of 5001 digits"), ("a", "'a'"),
+    ("x" * 100, "'" + "x" * 59 + "…"), ({"a": 1}, "a table"), ([1, "a", False], "[1, 'a', false]"),
+    ([[1]], "a list of 1"), (list(range(9)), "a list of 9"), (datetime.date(1979, 5, 27), "1979-05-27"),
+    (datetime.time(7, 32), "07:32:00"),
+    (datetime.datetime(1979, 5, 27, 7, 32, tzinfo=datetime.UTC), "1979-05-27T07:32:00+00:00")], ids=range(14))
+def test_a_value_is_quoted_plainly(value, shown):
+    assert quote(value) == shown
+
+
+@pytest.mark.parametrize(("data", "text"), [
+    (b"a,b\n1,2\n1,\0002\n", "has a byte 0 in line 3"), (b"a,\0b\n1,2\n", "has a byte 0 in line 1"),
+    (b"a,c\n1,2\n1,\xff\n" * 10, "has no column b, but the first line 'a,c'."),
+    (b"a," + b"," * 60000 + b"\n", "has no column b, but the first line"),
+    (b"a,b,c\n1,2,\0\n", "has a byte 0 in line 2")])
+def test_a_fault_of_a_table_is_named_with_its_line(tmp_path, data, text):
+    (tmp_path / "a.csv").write_bytes(data)
+    with pytest.raises(IcyMoonError) as caught:
+        file_shapes.read_number_lines(tmp_path / "a.csv", ("a", "b"), "rocks.file")
+    assert text in str(caught.value)
+    assert len(str(caught.value)) < 300

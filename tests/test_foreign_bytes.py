@@ -5,7 +5,9 @@ from __future__ import annotations
 import ast
 import io
 import os
+import re
 import resource
+import struct
 import subprocess
 import sys
 import zipfile
@@ -130,6 +132,15 @@ def test_whatever_a_parser_raises_is_one_sentence(tmp_path, error, text):
     assert str(caught.value).endswith(".")
 
 
+@pytest.mark.parametrize("parse", [
+    lambda f: [][3], lambda f: len(f), lambda f: min(3, "a"), lambda f: float(10**400),
+    lambda f: f.cursor().unpack("<9d"), lambda f: struct.unpack("<9d", b"")], ids=range(6))
+def test_mistakes_of_a_parser_are_told_in_words_of_the_file(tmp_path, parse):
+    with pytest.raises(IcyMoonError) as caught:
+        parse_part(b"abc", "a.bin", parse, "a thing", "make it again")
+    assert not [word for word in ("object", "instance", "range", "buffer", "convert") if word in str(caught.value)]
+
+
 def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", Path("/dev/zero"), tmp_path, tmp_path / "absent", tmp_path / "a\0b"):
@@ -244,6 +255,24 @@ def test_what_is_no_array_is_refused(data):
         archive.writestr("a.npy", data)
     with pytest.raises(IcyMoonError):
         parse_part(stream.getvalue(), "a.npz", parse_npz, "an archive", "save it again")
+
+
+@pytest.mark.parametrize("parse", [
+    lambda: parse_part(header("{'descr': 3"), "a", parse_npy, "an array", "save it again"),
+    lambda: parse_part(header("__import__('os')"), "a", parse_npy, "an array", "save it again"),
+    lambda: parse_part(b"1" * 5000, "a", lambda f: int(f.content()), "a number", "save it again"),
+    lambda: parse_json("1" * 5000), lambda: parse_toml("a = " + "1" * 5000), lambda: parse_toml("a = 0x" + "f" * 5000),
+    lambda: parse_toml("a = [{b = 0b1" + "0" * 1023 + "}]")], ids=range(7))
+def test_no_word_of_python_is_in_a_sentence(parse):
+    with pytest.raises((IcyMoonError, ValueError)) as caught:
+        parse()
+    assert not [word for word in ("sys.", "EOF", "<", "object at", "integer string") if word in str(caught.value)]
+    assert re.search("number of more than 308 digits|its header is none of an array", str(caught.value))
+
+
+def test_a_whole_number_that_a_float_holds_is_read():
+    assert parse_toml("a = 0x" + "f" * 255) == {"a": 16**255 - 1}
+    assert float(16**255 - 1)
 
 
 def test_an_archive_that_unfolds_without_end_is_refused():

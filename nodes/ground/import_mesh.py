@@ -20,6 +20,7 @@ from ...errors import IcyMoonError
 from ...formats import ply
 from ...formats.mesh_checks import check_mesh
 from ...formats.mesh_file import detect_kind, estimate_cost
+from ...support import printer
 from ...system import bound_memory_and_time
 
 #: Most triangles of a ground, with all copies of its meshes.
@@ -84,6 +85,7 @@ def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         try:
             operator("EXEC_DEFAULT", filepath=str(path), **options)
         except RuntimeError as error:
+            printer.say("")  # the importer's report has no end of line, and what follows is a message
             raise IcyMoonError(f"{path}: Blender cannot read it as {kind} ({_last_line(error)}); "
                                "export it again.") from None
         positions, faces, uv = _read_geometry(path)

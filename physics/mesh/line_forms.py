@@ -17,6 +17,7 @@ from ...support.foreign_bytes import LONGEST_LINE, ForeignBytes
 #: the longest.
 _TOGETHER, _MOST_FORMS, _LONGEST_FORM = 2**16, 10_000, 200
 _WINDOW = LONGEST_LINE // 2
+_MANY_DIGITS = b"0" * 300
 _DIGITS = bytes.maketrans(b"123456789", b"0" * 9)
 
 
@@ -65,14 +66,26 @@ class Rows:
 
 
 def reduced(text: bytes) -> bytes:
-    """The text with one 0 for each run of digits. Raises UnusualError for one with zero bytes."""
-    if b"\0" in text:
+    """The text with one 0 for each run of digits. Raises UnusualError for one with zero bytes, and where a number may be
+    too large for double precision: with an exponent of three digits, or hundreds of digits."""
+    zeros = text.translate(_DIGITS)
+    if b"\0" in text or _MANY_DIGITS in zeros:
         raise UnusualError
-    values = np.frombuffer(text.translate(_DIGITS), np.uint8)
+    values = np.frombuffer(zeros, np.uint8)
     is_digit = values == ord("0")
+    if _has_long_exponent(values, is_digit):
+        raise UnusualError
     kept = values.copy()
     kept[1:] *= ~(is_digit[1:] & is_digit[:-1])
     return kept.tobytes().translate(None, b"\0")
+
+
+def _has_long_exponent(values: np.ndarray, is_digit: np.ndarray) -> bool:
+    """Whether three digits follow an e, with or without a sign between them."""
+    three = is_digit[:-2] & is_digit[1:-1] & is_digit[2:]
+    exponent = (values | 0x20) == ord("e")
+    sign = (values == ord("+")) | (values == ord("-"))
+    return bool((three[1:] & exponent[:-3]).any() or (three[2:] & sign[1:-3] & exponent[:-4]).any())
 
 
 class Forms:

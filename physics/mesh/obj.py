@@ -5,6 +5,7 @@ Format: the appendix "Object Files (.obj)" of Wavefront's Advanced Visualizer. N
 
 from __future__ import annotations
 
+import math
 from array import array
 
 import numpy as np
@@ -56,6 +57,8 @@ def parse_vertex(words: list[bytes], number: int) -> tuple[float, float, float]:
     """The coordinates of a statement ``v x y z`` in line ``number``. Raises ValueError if they are no numbers."""
     try:
         x, y, z = map(float, words[1:4])
+        if math.inf in (abs(x), abs(y), abs(z)):
+            raise ValueError
     except ValueError:
         raise ValueError(f"the vertex of line {number} is not three numbers: {_quote(words[1:4])}") from None
     return x, y, z

@@ -10,6 +10,7 @@ pixel centres and never antialiased. Imports no Blender.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -35,8 +36,9 @@ from ...file_shapes import (
     check_record,
     find_fault,
     parse_json,
+    reason_of,
 )
-from ...files import PART, json_text, read_text, replace_if_unchanged, sha256
+from ...files import PART, json_text, quote, read_text, replace_if_unchanged, sha256
 from ...physics.light.scene_sun import SceneSun, from_json
 from ...physics.rig.focal_length import focal_px
 from ...settings.changes import response
@@ -228,21 +230,19 @@ _SHAPE = {
 
 
 def _read_pair_json(path: Path) -> str:
-    if path.exists() and not path.is_file():  # reading a pipe may wait forever
-        raise IcyMoonError(f"{path} is not a file; {_FIX}.")
     try:
         return read_text(path)
     except FileNotFoundError:
         raise IcyMoonError(f"{path.parent} is not a complete stereo pair (no pair.json); render it again.") from None
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read ({error}); {_FIX}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {_FIX}.") from None
 
 
 def _parse(path: Path, text: str) -> Any:
     try:
         return parse_json(text)
     except ValueError as error:
-        raise IcyMoonError(f"{path} cannot be read ({error}); {_FIX}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {_FIX}.") from None
 
 
 def read_pair(folder: Path) -> Pair:
@@ -252,7 +252,7 @@ def read_pair(folder: Path) -> Pair:
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise IcyMoonError(f"{path} is not an Icy Moon pair; choose a folder that Render Stereo Pair wrote.")
     if data.get("version") != VERSION:
-        raise IcyMoonError(f"{path} has format version {data.get('version')!r}, this Icy Moon reads {VERSION}; "
+        raise IcyMoonError(f"{path} has format version {quote(data.get('version'))}, this Icy Moon reads {VERSION}; "
                            "use the version that wrote it.")
     check_record(data, _SHAPE, path, _FIX)
     settings = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
@@ -332,7 +332,7 @@ def find_pair_folders(path: Path) -> list[Path]:
 
     Raises IcyMoonError if there is none.
     """
-    folders = [path.resolve()] if (path / "pair.json").is_file() else sorted(_pairs_in(path))
+    folders = [path.resolve()] if os.path.lexists(path / "pair.json") else sorted(_pairs_in(path))
     if not folders:
         raise IcyMoonError(f"{path} contains no complete stereo pair; render one first or choose another folder.")
     return folders
@@ -345,7 +345,7 @@ def _pairs_in(path: Path) -> Iterator[Path]:
 
 def has_pairs(path: Path) -> bool:
     """Whether there is a complete pair at ``path``, see ``find_pair_folders``."""
-    return (path / "pair.json").is_file() or next(_pairs_in(path), None) is not None
+    return os.path.lexists(path / "pair.json") or next(_pairs_in(path), None) is not None
 
 
 def find_pairs(path: Path) -> list[Pair]:

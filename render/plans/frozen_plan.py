@@ -7,6 +7,7 @@ depends on nothing else, so any process on any machine can do any part of it.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,12 +15,12 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...file_shapes import COUNT, TABLE, TEXT, Each, check_record
-from ...files import explain_disk_errors, read_text, write_text
+from ...files import quote, read_text, write_text
 from ...number_text import count_of
 from ...settings.description import asking_to_update, changed, check, merged, restored
 from ...settings.pair_ids import counts, value_in_id
 from ...settings.table import all_settings
-from ...support.foreign_bytes import parse_json
+from ...support.foreign_bytes import parse_json, reason_of
 from ...typed_settings import Settings
 from ...version import version
 from ..pairs.our_files import checked_id
@@ -97,7 +98,7 @@ def _describe_difference(pair: PlannedPair, pairs: Sequence[PlannedPair]) -> str
 
     nearest = min(pairs, key=lambda other: len(differing(other)))
     found = differing(nearest)
-    texts = [f"{topic}.{key} was {pair.settings[topic][key]!r} and is {nearest.settings[topic][key]!r}"
+    texts = [f"{topic}.{key} was {quote(pair.settings[topic][key])} and is {quote(nearest.settings[topic][key])}"
             for topic, key in found[:_MOST_NAMED]]
     if len(found) > _MOST_NAMED:
         texts.append(count_of(len(found) - _MOST_NAMED, "more setting"))
@@ -107,13 +108,12 @@ def _describe_difference(pair: PlannedPair, pairs: Sequence[PlannedPair]) -> str
 def read_frozen_plan(dataset: Path) -> FrozenPlan:
     """The frozen plan of a data set. Raises IcyMoonError if there is none or it cannot be read."""
     path = dataset / PLAN
-    if not path.is_file():
+    if not os.path.lexists(path):
         raise IcyMoonError(f"{dataset} has no {PLAN}; make the data set with icymoon batch.")
     try:
-        with explain_disk_errors("read", path):
-            header, *lines = [parse_json(line) for line in read_text(path).split("\n") if line]
-    except ValueError as error:
-        raise IcyMoonError(f"{path} cannot be read ({error}); {_FIX}.") from None
+        header, *lines = [parse_json(line) for line in read_text(path).split("\n") if line]
+    except (OSError, ValueError) as error:
+        raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {_FIX}.") from None
     check_record(header, _KIND, path, _FIX)
     if header["format"] != FORMAT or header["version"] != VERSION:
         raise IcyMoonError(f"{path} has version {header['version']} of {header['format']}, this Icy Moon reads "

@@ -7,6 +7,7 @@ the line and the fix. ``docs/datasets.md`` describes the format.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -126,7 +127,7 @@ def find_plan(name: str) -> Path:
     if ".." not in name and is_file(shipped):
         return shipped
     path = parse_path(name, "The plan")
-    if path.suffix == ".toml" or path.is_file():
+    if path.suffix == ".toml" or os.path.lexists(path):
         return path
     raise IcyMoonError(f"Unknown plan {quote(name)}, {nearest(name, plan_names())}")
 

@@ -12,6 +12,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...file_shapes import NUMBER
+from ...files import quote
 from ...formats.toml_lines import Place
 from ...number_text import count_of
 from ...physics.light.directions import toward
@@ -30,9 +32,8 @@ def _read_numbers(sweep: Sweep, key: str, default: Sequence[float] | None = None
     value = sweep.table.get(key, None if default is None else list(default))
     place = sweep.place.at(key)
     values = value if isinstance(value, list) else [value]
-    if not values or not all(isinstance(v, (int, float)) and not isinstance(v, bool) and math.isfinite(v)
-                             for v in values):
-        problem = "is missing" if value is None else f"is {value!r}"
+    if not values or not all(map(NUMBER.fits, values)):
+        problem = "is missing" if value is None else f"is {quote(value)}"
         raise IcyMoonError(f"{place}: {key} {problem}, it must be a number or a list of numbers.")
     return [float(v) for v in values]
 
@@ -58,12 +59,13 @@ def _make_panorama(sweep: Sweep, base: Settings, ground: Ground) -> list[Variati
     check_keys(sweep.table, ("headings", "pitches_deg"), sweep.place, "a panorama sweep")
     stated = sweep.table.get("headings", 4)
     if isinstance(stated, int) and not isinstance(stated, bool) and stated > 0:
+        check_pair_count(stated, sweep.place.at("headings"))
         headings = [turned_heading_deg(base, k, stated) for k in range(stated)]
     elif isinstance(stated, list):
         headings = _read_numbers(sweep, "headings")
     else:
-        raise IcyMoonError(f"{sweep.place.at('headings')}: headings is {stated!r}, it must be how many there are or "
-                           "list them in degrees.")
+        raise IcyMoonError(f"{sweep.place.at('headings')}: headings is {quote(stated)}, it must be how many there are "
+                           "or list them in degrees.")
     pitches = _read_numbers(sweep, "pitches_deg", (base.rig.pitch_deg,))
     return [_rig_variation(sweep, heading_deg=heading, pitch_deg=pitch) for pitch in pitches for heading in headings]
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...file_shapes import NUMBER
 from ...files import parse_path, quote, shorten
 from ...formats.toml_lines import Place
 from ...physics.random_numbers import sampling
@@ -29,6 +30,8 @@ DRAWN = {"random": sampling.independent, "sobol": sampling.sobol, "latin_hypercu
 _PRESET, _PRESETS = "preset", "presets"
 #: Pairs above which a plan is a mistake, or more than one data set.
 MOST_PAIRS = 100000
+#: Pairs that a sentence counts; a number may have a million digits.
+_COUNTED = 10**12
 #: What no sweep may vary, and what to do instead.
 NOT_SWEPT = {"response": "is applied when images are evaluated and needs no other render; state it there with --set",
               "run": "changes no pair; state it once, outside the sweeps"}
@@ -104,8 +107,9 @@ def read_count(sweep: Sweep, key: str, least: int = 1) -> int:
 def check_pair_count(pairs: int, place: Place) -> None:
     """Raise IcyMoonError if there are more pairs than a plan may have."""
     if pairs > MOST_PAIRS:
-        raise IcyMoonError(f"{place}: the sweeps combine to {pairs} pairs, more than {MOST_PAIRS}; list fewer values, "
-                           "or draw fewer with a random, sobol or latin_hypercube sweep.")
+        count = f"{pairs} pairs, more than" if pairs < _COUNTED else "far more pairs than"
+        raise IcyMoonError(f"{place}: the sweeps combine to {count} {MOST_PAIRS}; list fewer values, or "
+                           "draw fewer with a random, sobol or latin_hypercube sweep.")
 
 
 def _find_setting(topic: str, key: str, place: Place) -> Setting:
@@ -221,7 +225,7 @@ def _read_law(name: str, setting: Setting | None, law: Any, place: Place,
             raise IcyMoonError(f"{place}: choice of {name} must list values, not {quote(numbers)}.")
         return lambda fraction: [numbers[k] for k in sampling.whole(fraction, 0, len(numbers) - 1)]
     if law_name not in ("uniform", "log_uniform", "normal"):
-        raise IcyMoonError(f"{place}: there is no distribution {law_name}, "
+        raise IcyMoonError(f"{place}: there is no distribution {shorten(law_name)}, "
                            f"{nearest(law_name, ('uniform', 'log_uniform', 'normal', 'choice'))}")
     if setting is None or setting.kind not in ("int", "float"):
         raise IcyMoonError(f"{place}: {name} is no number; draw it with {{ choice = [values] }}.")
@@ -260,8 +264,7 @@ def _rounded(setting: Setting, values: np.ndarray) -> list[Any]:
 
 
 def _read_two_numbers(numbers: Any, what: str, place: Place) -> tuple[float, float]:
-    if (not isinstance(numbers, list) or len(numbers) != 2
-            or not all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in numbers)):
+    if not isinstance(numbers, list) or len(numbers) != 2 or not all(map(NUMBER.fits, numbers)):
         raise IcyMoonError(f"{place}: {what} must be two numbers, not {quote(numbers)}.")
     return float(numbers[0]), float(numbers[1])
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from ...errors import IcyMoonError, describe_error
 from ...file_shapes import FILE_NAME, SHA256, Each, find_fault
-from ...files import read_text, sha256
+from ...files import quote, read_text, sha256
 from ...formats.exr_layout import is_whole
 from ...number_text import count_of
 from ...physics.camera.blur import blur_identity
@@ -107,7 +107,7 @@ def _check_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[
         strange = _find_strange(folder) if link.parent == folder else ()
         yield Problem("foreign", planned.id, " ".join([text, *strange]))
         return
-    if not (folder / "pair.json").is_file():
+    if not os.path.lexists(folder / "pair.json"):
         if folder.exists():
             yield Problem("broken", planned.id, f"{folder} has no pair.json.", folder)
         else:
@@ -184,7 +184,8 @@ def _find_contradictions(pair: Pair, planned: PlannedPair) -> Iterator[str]:
     others = [(name, pair.settings[topic][key], planned.settings[topic][key]) for name, topic, key in _settings_in_id()
               if value_in_id(name, pair.settings) != value_in_id(name, planned.settings)]
     if others:
-        texts = [f"{name} is {there!r} and was planned as {wanted!r}" for name, there, wanted in others[:_MOST_NAMED]]
+        texts = [f"{name} is {quote(there)} and was planned as {quote(wanted)}"
+                 for name, there, wanted in others[:_MOST_NAMED]]
         more = [f"{count_of(len(others) - _MOST_NAMED, 'more setting')}"] * (len(others) > _MOST_NAMED)
         yield f"{path}: {'; '.join([*texts, *more])}, so its settings do not give the id {planned.id}."
     own, blur = str(pair.data.get("own_files_sha256", "")), blur_identity(planned.settings)

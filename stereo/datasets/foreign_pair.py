@@ -186,6 +186,32 @@ class ForeignPair:
                 f"light and material.{hidden}")
 
 
+@dataclass(frozen=True)
+class UnusablePair:
+    """A pair one of whose files is missing, outside of its data set, or damaged, as ``fault`` states in a sentence."""
+
+    name: str
+    folder: Path
+    left: Path
+    fault: str
+
+    def content(self) -> list[Any]:
+        """What its failure depends on."""
+        return [self.fault]
+
+    def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
+        """Raises IcyMoonError."""
+        raise IcyMoonError(self.fault)
+
+
+def find_pair(name: str, folder: Path, left: Path, find: Callable[[], ForeignPair]) -> ForeignPair | UnusablePair:
+    """What ``find`` gives, or an unusable pair where it raises IcyMoonError: that costs no other pair."""
+    try:
+        return find()
+    except IcyMoonError as error:
+        return UnusablePair(name, folder, left, str(error))
+
+
 def _as_disparity(values: np.ndarray, kind: str, camera: StereoCamera) -> np.ndarray:
     """Disparities in px of a map of depths in m or of disparities, NaN where it has no usable number."""
     if kind == "disparity":

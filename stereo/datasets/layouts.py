@@ -22,7 +22,7 @@ from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
 from . import calibrations
 from .data_files import MapFile, find_inside
-from .foreign_pair import CameraReader, ForeignPair, Mask, safe_name
+from .foreign_pair import CameraReader, ForeignPair, Mask, UnusablePair, find_pair, safe_name
 from .plain_folder import FILE as PLAIN_FILE
 from .plain_folder import plain_pairs
 
@@ -36,18 +36,23 @@ _GUISS_FOCAL_SHARE, _GUISS_BASELINE_M = 32 / 60, 0.25
 _LEVEL_PX = 0.5
 _KITTI_FRAME = re.compile(r"\d{6}_10\.png")
 
-Finder = Callable[[Path], list[ForeignPair]]
+FoundPair = ForeignPair | UnusablePair
+Finder = Callable[[Path], list[FoundPair]]
 
 
-def find_foreign_pairs(path: Path) -> list[ForeignPair]:
+def find_foreign_pairs(path: Path) -> list[FoundPair]:
     """The pairs at ``path``, which is a folder in one of the layouts, or of one pair; empty if it is none of them.
 
-    Raises IcyMoonError if a file that the layout needs is missing, or two pairs have the same name.
+    A file that the layout needs and that is missing or outside costs its pair only. Raises IcyMoonError if no pair is
+    left, or two pairs have the same name.
     """
     if not path.is_dir():
         return []
-    found: list[ForeignPair] = next(filter(None, (finder(path) for finder in FINDERS)), [])
-    names: dict[str, ForeignPair] = {}
+    found: list[FoundPair] = next(filter(None, (finder(path) for finder in FINDERS)), [])
+    unusable = [pair for pair in found if isinstance(pair, UnusablePair)]
+    if found and len(unusable) == len(found):
+        raise IcyMoonError(unusable[0].fault)
+    names: dict[str, FoundPair] = {}
     for pair in found:
         other = names.setdefault(pair.name, pair)
         if other is not pair:
@@ -55,7 +60,7 @@ def find_foreign_pairs(path: Path) -> list[ForeignPair]:
     return found
 
 
-def _kitti(path: Path) -> list[ForeignPair]:
+def _kitti(path: Path) -> list[FoundPair]:
     root = next((folder for folder in (path, path / "training") if (folder / "image_2").is_dir()), None)
     if root is None or not (root / "disp_occ_0").is_dir():
         return []
@@ -63,7 +68,7 @@ def _kitti(path: Path) -> list[ForeignPair]:
                              "calib_cam_to_cam", ("P_rect_02", "P_rect_03")))
 
 
-def _kitti_2012(path: Path) -> list[ForeignPair]:
+def _kitti_2012(path: Path) -> list[FoundPair]:
     for folder in (path, path / "training"):
         if not (folder / "disp_occ").is_dir():
             continue
@@ -74,21 +79,27 @@ def _kitti_2012(path: Path) -> list[ForeignPair]:
 
 
 def _kitti_pairs(root: Path, layout: str, eyes: tuple[str, str], truths: tuple[str, str], calibration: str,
-                 matrices: tuple[str, str]) -> Iterator[ForeignPair]:
+                 matrices: tuple[str, str]) -> Iterator[FoundPair]:
     for image in sorted((root / eyes[0]).glob("*_10.png")):
-        if not _KITTI_FRAME.fullmatch(image.name):
-            continue
-        camera = find_inside(root, Path(calibration, f"{image.name[:6]}.txt"))
-        nocc = root / truths[1] / image.name
-        yield ForeignPair(
-            image.stem, root, layout, image.stem, find_inside(root, image.relative_to(root)),
-            find_inside(root, Path(eyes[1], image.name)), MapFile(find_inside(root, Path(truths[0], image.name))),
-            partial(calibrations.kitti_camera, camera, matrices), (camera,),
-            mask=Mask("known", (find_inside(root, Path(truths[1], image.name)),)) if nocc.exists() else None)
+        if _KITTI_FRAME.fullmatch(image.name):
+            yield find_pair(image.stem, root, image,
+                            partial(_kitti_pair, root, image, layout, eyes[1], truths, calibration, matrices))
 
 
-def _middlebury(path: Path) -> list[ForeignPair]:
-    return [_middlebury_pair(path, folder) for folder in _folders_with(path, "im0.png")]
+def _kitti_pair(root: Path, image: Path, layout: str, right: str, truths: tuple[str, str], calibration: str,
+                matrices: tuple[str, str]) -> ForeignPair:
+    camera = find_inside(root, Path(calibration, f"{image.name[:6]}.txt"))
+    nocc = root / truths[1] / image.name
+    return ForeignPair(
+        image.stem, root, layout, image.stem, find_inside(root, image.relative_to(root)),
+        find_inside(root, Path(right, image.name)), MapFile(find_inside(root, Path(truths[0], image.name))),
+        partial(calibrations.kitti_camera, camera, matrices), (camera,),
+        mask=Mask("known", (find_inside(root, Path(truths[1], image.name)),)) if nocc.exists() else None)
+
+
+def _middlebury(path: Path) -> list[FoundPair]:
+    return [find_pair(_folder_name(path, folder), folder, folder / "im0.png", partial(_middlebury_pair, path, folder))
+            for folder in _folders_with(path, "im0.png")]
 
 
 def _folders_with(path: Path, name: str) -> list[Path]:
@@ -98,17 +109,23 @@ def _folders_with(path: Path, name: str) -> list[Path]:
     return sorted(file.parent for file in path.glob(f"*/{name}"))
 
 
+def _folder_name(root: Path, folder: Path) -> str:
+    """What the pair in a folder is called; ``root`` may be written as ``.``."""
+    return safe_name((folder.resolve() if folder == root else folder).name)
+
+
 def _middlebury_pair(root: Path, folder: Path) -> ForeignPair:
-    calibration = find_inside(folder, "calib.txt")
+    left = find_inside(root, folder.relative_to(root) / "im0.png")
+    calibration = find_inside(root, folder.relative_to(root) / "calib.txt")
     official = (folder / "disp0GT.pfm").exists()
     right = "disp1GT.pfm" if official else "disp1.pfm"
     mask = folder / "mask0nocc.png"
     offset = calibrations.row_offset_px(calibration)
     warnings = (f"Rows of matching pixels differ by up to {offset:g} px (dymax in calib.txt), which matchers here do "
                 "not search.",) if offset > _LEVEL_PX else ()
-    name = safe_name(folder.resolve().name)
+    name = _folder_name(root, folder)
     return ForeignPair(
-        name, folder, "Middlebury", name, find_inside(root, folder.relative_to(root) / "im0.png"),
+        name, folder, "Middlebury", name, left,
         find_inside(folder, "im1.png"), MapFile(find_inside(folder, "disp0GT.pfm" if official else "disp0.pfm")),
         partial(calibrations.middlebury_camera, calibration), (calibration,),
         MapFile(find_inside(folder, right)) if (folder / right).exists() else None,
@@ -116,27 +133,31 @@ def _middlebury_pair(root: Path, folder: Path) -> ForeignPair:
         disparities=calibrations.stated_disparities(calibration))
 
 
-def _sceneflow(path: Path) -> list[ForeignPair]:
+def _sceneflow(path: Path) -> list[FoundPair]:
     root, passes = _root_of(path, ("frames_cleanpass", "frames_finalpass"))
     if not passes or not (root / "disparity").is_dir():
         return []
-    found = []
     # Its pictures come as PNG or as WebP.
     images = next(filter(None, (sorted((root / passes[0]).glob(f"**/left/*.{kind}")) for kind in ("png", "webp"))), [])
+    found = []
     for image in images:
         inner = image.relative_to(root / passes[0])
-        scene = inner.parent.parent
-        other = scene / "right" / inner.name
-        truth, truth_right = (Path("disparity", part).with_suffix(".pfm") for part in (inner, other))
-        focal = _SCENEFLOW_SHORT_PX if any(part.startswith("15mm") for part in inner.parts) else _SCENEFLOW_FOCAL_PX
-        found.append(ForeignPair(
-            safe_name("-".join((*scene.parts, inner.stem))), root, "SceneFlow", "-".join(scene.parts),
-            find_inside(root, image.relative_to(root)), find_inside(root, Path(passes[0]) / other),
-            MapFile(find_inside(root, truth)),
-            partial(calibrations.given_camera, focal, *_SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE),
-            truth_right=MapFile(find_inside(root, truth_right)) if (root / truth_right).exists() else None,
-            either_sign=True, notes=("The unit of length of SceneFlow is not the metre: its baseline is 1.",)))
+        name = safe_name("-".join((*inner.parent.parent.parts, inner.stem)))
+        found.append(find_pair(name, root, image, partial(_sceneflow_pair, root, passes[0], inner, name)))
     return found
+
+
+def _sceneflow_pair(root: Path, rendering: str, inner: Path, name: str) -> ForeignPair:
+    scene = inner.parent.parent
+    other = scene / "right" / inner.name
+    truth, truth_right = (Path("disparity", part).with_suffix(".pfm") for part in (inner, other))
+    focal = _SCENEFLOW_SHORT_PX if any(part.startswith("15mm") for part in inner.parts) else _SCENEFLOW_FOCAL_PX
+    return ForeignPair(
+        name, root, "SceneFlow", "-".join(scene.parts), find_inside(root, Path(rendering) / inner),
+        find_inside(root, Path(rendering) / other), MapFile(find_inside(root, truth)),
+        partial(calibrations.given_camera, focal, *_SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE),
+        truth_right=MapFile(find_inside(root, truth_right)) if (root / truth_right).exists() else None,
+        either_sign=True, notes=("The unit of length of SceneFlow is not the metre: its baseline is 1.",))
 
 
 def _root_of(path: Path, passes: tuple[str, ...]) -> tuple[Path, list[str]]:
@@ -149,67 +170,77 @@ def _root_of(path: Path, passes: tuple[str, ...]) -> tuple[Path, list[str]]:
     return root, [name for name in passes if (root / name).is_dir()]
 
 
-def _sintel(path: Path) -> list[ForeignPair]:
+def _sintel(path: Path) -> list[FoundPair]:
     root, passes = _root_of(path, ("clean_left", "final_left"))
     if not passes or not (root / "disparities").is_dir():
         return []
-    eyes = passes[0], passes[0].replace("left", "right")
     found = []
-    for image in sorted((root / eyes[0]).glob("*/*.png")):
-        inner = image.relative_to(root / eyes[0])
-        camera = Path("camdata_left", inner).with_suffix(".cam")
-        if not (root / camera).exists():
-            raise IcyMoonError(f"{root / camera} is missing, and without its focal length disparities give no depths; "
-                               "add the folder camdata_left of Sintel's depth data.")
-        masks = [Path(name, inner) for name in ("occlusions", "outofframe") if (root / name / inner).exists()]
-        calibration = find_inside(root, camera)
-        found.append(ForeignPair(
-            safe_name("-".join((inner.parent.name, inner.stem))), root, "Sintel", inner.parent.name,
-            find_inside(root, image.relative_to(root)), find_inside(root, Path(eyes[1]) / inner),
-            MapFile(find_inside(root, Path("disparities") / inner), sintel=True),
-            partial(calibrations.sintel_camera, calibration, _SINTEL_BASELINE_M), (calibration,),
-            mask=Mask("hidden", tuple(find_inside(root, each) for each in masks)) if masks else None))
+    for image in sorted((root / passes[0]).glob("*/*.png")):
+        inner = image.relative_to(root / passes[0])
+        name = safe_name("-".join((inner.parent.name, inner.stem)))
+        found.append(find_pair(name, root, image, partial(_sintel_pair, root, passes[0], inner, name)))
     return found
 
 
-def _guiss(path: Path) -> list[ForeignPair]:
+def _sintel_pair(root: Path, rendering: str, inner: Path, name: str) -> ForeignPair:
+    camera = Path("camdata_left", inner).with_suffix(".cam")
+    if not (root / camera).exists():
+        raise IcyMoonError(f"{root / camera} is missing, and without its focal length disparities give no depths; "
+                           "add the folder camdata_left of Sintel's depth data.")
+    masks = [Path(folder, inner) for folder in ("occlusions", "outofframe") if (root / folder / inner).exists()]
+    calibration = find_inside(root, camera)
+    return ForeignPair(
+        name, root, "Sintel", inner.parent.name, find_inside(root, Path(rendering) / inner),
+        find_inside(root, Path(rendering.replace("left", "right")) / inner),
+        MapFile(find_inside(root, Path("disparities") / inner), sintel=True),
+        partial(calibrations.sintel_camera, calibration, _SINTEL_BASELINE_M), (calibration,),
+        mask=Mask("hidden", tuple(find_inside(root, each) for each in masks)) if masks else None)
+
+
+def _guiss(path: Path) -> list[FoundPair]:
     found = []
     for depth in sorted((*path.glob("*_left.npy"), *path.glob("*/*_left.npy"))):
         left, right = (depth.with_name(depth.name.replace("_left.npy", f"_{eye}.png")) for eye in ("left", "right"))
         if not left.exists():
             continue
         inner = depth.relative_to(path)
-        found.append(ForeignPair(
-            safe_name("-".join((*inner.parent.parts, inner.name.removesuffix("_left.npy")))), path, "GUISS",
-            "-".join(inner.parent.parts) or inner.name, find_inside(path, left.relative_to(path)),
-            find_inside(path, right.relative_to(path)), MapFile(find_inside(path, inner), "depth"), _guiss_camera))
+        name = safe_name("-".join((*inner.parent.parts, inner.name.removesuffix("_left.npy"))))
+        found.append(find_pair(name, path, left, partial(_guiss_pair, path, inner, left, right, name)))
     return found
+
+
+def _guiss_pair(root: Path, depth: Path, left: Path, right: Path, name: str) -> ForeignPair:
+    return ForeignPair(
+        name, root, "GUISS", "-".join(depth.parent.parts) or depth.name, find_inside(root, left.relative_to(root)),
+        find_inside(root, right.relative_to(root)), MapFile(find_inside(root, depth), "depth"), _guiss_camera)
 
 
 def _guiss_camera(width: int, height: int) -> StereoCamera:
     return calibrations.centred_camera(_GUISS_FOCAL_SHARE * width, _GUISS_BASELINE_M, width, height)
 
 
-def _our_exports(path: Path) -> list[ForeignPair]:
-    found = []
-    for folder in _folders_with(path, "calibration.json"):
-        calibration = find_inside(path, folder.relative_to(path) / "calibration.json")
-        if (folder / "extrinsics.yml").exists():
-            raise IcyMoonError(f"{folder} was exported with --format raw, which is not rectified; export it as png16, "
-                               "pfm, kitti or middlebury.")
-        kind = "pfm" if (folder / "left.pfm").exists() else "png"
-        if not (folder / f"disparity_left.{kind}").exists():
-            raise IcyMoonError(f"{folder} has no disparity_left.{kind}, as png8 cannot hold it; export it as png16, "
-                               "pfm, kitti or middlebury.")
-        name = safe_name(folder.resolve().name)
-        camera: CameraReader = partial(calibrations.our_camera, calibration)
-        found.append(ForeignPair(
-            name, folder, f"Our export {'pfm' if kind == 'pfm' else 'png16'}", name,
-            find_inside(folder, f"left.{kind}"), find_inside(folder, f"right.{kind}"),
-            MapFile(find_inside(folder, f"disparity_left.{kind}")), camera, (calibration,),
-            MapFile(find_inside(folder, f"disparity_right.{kind}")),
-            white=calibrations.saturation_radiance(calibration) if kind == "pfm" else None, linear=True))
-    return found
+def _our_exports(path: Path) -> list[FoundPair]:
+    return [find_pair(_folder_name(path, folder), folder, folder / "left.png", partial(_our_export, path, folder))
+            for folder in _folders_with(path, "calibration.json")]
+
+
+def _our_export(root: Path, folder: Path) -> ForeignPair:
+    calibration = find_inside(root, folder.relative_to(root) / "calibration.json")
+    if (folder / "extrinsics.yml").exists():
+        raise IcyMoonError(f"{folder} was exported with --format raw, which is not rectified; export it as png16, "
+                           "pfm, kitti or middlebury.")
+    kind = "pfm" if (folder / "left.pfm").exists() else "png"
+    if not (folder / f"disparity_left.{kind}").exists():
+        raise IcyMoonError(f"{folder} has no disparity_left.{kind}, as png8 cannot hold it; export it as png16, "
+                           "pfm, kitti or middlebury.")
+    name = _folder_name(root, folder)
+    camera: CameraReader = partial(calibrations.our_camera, calibration)
+    return ForeignPair(
+        name, folder, f"Our export {'pfm' if kind == 'pfm' else 'png16'}", name,
+        find_inside(folder, f"left.{kind}"), find_inside(folder, f"right.{kind}"),
+        MapFile(find_inside(folder, f"disparity_left.{kind}")), camera, (calibration,),
+        MapFile(find_inside(folder, f"disparity_right.{kind}")),
+        white=calibrations.saturation_radiance(calibration) if kind == "pfm" else None, linear=True)
 
 
 FINDERS: tuple[Finder, ...] = (plain_pairs, _kitti, _kitti_2012, _middlebury, _sceneflow, _sintel, _our_exports, _guiss)

@@ -32,7 +32,7 @@ from ...render.pairs.pair_folder import StereoCamera
 from ...suggestions import nearest
 from ...support.foreign_bytes import parse_toml
 from .data_files import MapFile, find_inside, read_text
-from .foreign_pair import ForeignPair, Mask, safe_name
+from .foreign_pair import ForeignPair, Mask, UnusablePair, find_pair, safe_name
 
 FILE = "pairs.toml"
 _PLACE = "{pair}"
@@ -49,10 +49,10 @@ _SHAPE: dict[str, dict[str, Any]] = {
 _FIX = "write it as the manual's page on foreign data shows"
 
 
-def plain_pairs(root: Path) -> list[ForeignPair]:
+def plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
     """The pairs that ``pairs.toml`` in a folder names; empty if there is no such file.
 
-    Raises IcyMoonError if it is wrong, names a file outside of the folder, or no left image.
+    Raises IcyMoonError if it is wrong, or names no left image.
     """
     if not (root / FILE).exists():
         return []
@@ -70,7 +70,8 @@ def plain_pairs(root: Path) -> list[ForeignPair]:
     names = _names(root, patterns["left"])
     if not names:
         raise IcyMoonError(f"{path}: there is no file {patterns['left']}; correct images.left.")
-    return [_pair(root, path, name, kinds[0], patterns, data) for name in names]
+    return [find_pair(safe_name(name), root, root / patterns["left"].replace(_PLACE, name),
+                      partial(_pair, root, path, name, kinds[0], patterns, data)) for name in names]
 
 
 def parse_pairs_toml(path: Path) -> dict[str, Any]:

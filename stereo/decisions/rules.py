@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...files import read_text
+from ...file_shapes import NUMBER
+from ...files import quote, read_text, shorten
 from ...suggestions import nearest
-from ...support.foreign_bytes import parse_toml
+from ...support.foreign_bytes import parse_toml, reason_of
 
 SHIPPED = Path(__file__).with_suffix(".toml")
 
@@ -69,12 +70,12 @@ def _read(path: Path) -> dict[str, dict[str, float]]:
     try:
         data = parse_toml(read_text(path))
     except (OSError, ValueError) as error:
-        raise IcyMoonError(f"{path} cannot be read as rules ({error}); give a TOML file.") from None
+        raise IcyMoonError(f"{path} cannot be read as rules ({reason_of(error)}); give a TOML file.") from None
     data.pop("sources", None)
     found = {}
     for part, table in data.items():
         if part not in _PARTS or not isinstance(table, dict):
-            raise IcyMoonError(f"{path} states {part}, which is no table of rules; use [site] and [pad].")
+            raise IcyMoonError(f"{path} states {shorten(part)}, which is no table of rules; use [site] and [pad].")
         found[part] = {key: _checked(path, part, key, value) for key, value in table.items()}
     return found
 
@@ -82,10 +83,9 @@ def _read(path: Path) -> dict[str, dict[str, float]]:
 def _checked(path: Path, part: str, key: str, value: Any) -> float:
     names = [field.name for field in fields(_PARTS[part])]
     if key not in names:
-        raise IcyMoonError(f"{path} states {part}.{key}, which is no rule; {nearest(key, names)}")
+        raise IcyMoonError(f"{path} states {shorten(f'{part}.{key}')}, which is no rule; {nearest(key, names)}")
     most = 1.0 if key in _SHARES else 90.0 if key.endswith("_deg") else math.inf
-    number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-    if not number or not 0 < value <= most:
-        raise IcyMoonError(f"{path}: {part}.{key} is {value!r}; give a number above 0"
+    if not NUMBER.fits(value) or not 0 < value <= most:
+        raise IcyMoonError(f"{path}: {part}.{key} is {quote(value)}; give a number above 0"
                            f"{'' if most == math.inf else f' and at most {most:g}'}.")
     return float(value)

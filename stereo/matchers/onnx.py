@@ -10,6 +10,8 @@ scale.
 from __future__ import annotations
 
 import importlib.util
+import re
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -52,6 +54,8 @@ REQUIREMENT = "onnxruntime>=1.19,<2"
 _SHIFT_PX = 7
 #: Of an input of fixed size: images are resized to it.
 _MOST_PIXELS = 2**25
+#: Seconds after which a network is stopped, as other programs are.
+_MOST_S = 600.0
 _TEST_SHAPE = 256, 384
 #: How far the median of the disparities of the test may be from its shift.
 _TOLERANCE_PX = 1.0
@@ -147,7 +151,7 @@ def _open(options: dict[str, Any]) -> _Network:
         providers.insert(0, "CUDAExecutionProvider")
     settings = onnxruntime.SessionOptions()
     settings.intra_op_num_threads, settings.inter_op_num_threads = options["threads"], 1
-    settings.log_severity_level = 3  # errors; its warnings are about how a network was exported
+    settings.log_severity_level = 4  # its errors are raised too, and its warnings are about how a network was exported
     onnxruntime.disable_telemetry_events()
     try:
         session = onnxruntime.InferenceSession(str(path), settings, providers=providers)
@@ -201,7 +205,7 @@ def _run(network: _Network, left: np.ndarray, right: np.ndarray,
                   for eye, image in images.items()}
     given = {each.name: _tensor(each, images, options) for each in network.inputs}
     try:
-        outputs = network.session.run(None, given)
+        outputs = _run_bounded(network.session, given)
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(f"onnx.model {_path(options).name} failed in ONNX Runtime ({_first_line(error)}); try "
                            f"onnx.multiple, {multiple}, onnx.device=cpu or smaller images.") from None
@@ -295,5 +299,25 @@ def _describe(declared: Sequence[Any]) -> str:
     return ", ".join(f"{each.name} {'x'.join(map(str, each.shape))}" for each in declared)
 
 
+def _run_bounded(session: Any, given: dict[str, np.ndarray]) -> list[np.ndarray]:
+    """The outputs of a network, which is stopped after ``_MOST_S``: it may have a loop without end."""
+    import onnxruntime
+
+    how = onnxruntime.RunOptions()
+    clock = threading.Timer(_MOST_S, lambda: setattr(how, "terminate", True))
+    clock.daemon = True
+    clock.start()
+    try:
+        return list(session.run(None, given, how))
+    except Exception:
+        if how.terminate:
+            raise TimeoutError(f"it did not end within {_MOST_S:g} s") from None
+        raise
+    finally:
+        clock.cancel()
+
+
 def _first_line(error: Exception) -> str:
-    return (str(error).splitlines() or [type(error).__name__])[0][:300]
+    """What ONNX Runtime reports, without its numbers of errors and the names of its own functions."""
+    line = (str(error).splitlines() or [type(error).__name__])[0]
+    return re.sub(r"^\[ONNXRuntimeError\] : \d+ : [A-Z_]+ : ", "", line)[:300].rstrip(". ")

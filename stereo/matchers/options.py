@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...errors import IcyMoonError
+from ...files import quote
 from ...settings.trust_boundary import LOADS
 from ...suggestions import nearest
 
@@ -74,7 +75,7 @@ def _parse_value(method: str, option: Option, value: Any) -> int | float | str:
     name = f"{method}.{option.key}"
     if option.choices:
         if value not in option.choices:
-            raise IcyMoonError(f"{name} is {value!r}, {nearest(str(value), option.choices)}")
+            raise IcyMoonError(f"{name} is {quote(value)}, {nearest(str(value), option.choices)}")
         return str(value)
     if value in option.words:
         return str(value)
@@ -85,7 +86,7 @@ def _parse_value(method: str, option: Option, value: Any) -> int | float | str:
         number = int(str(value)) if whole else float(value)
     except (TypeError, ValueError):
         kinds = [*option.words, f"a {'whole ' if whole else ''}number"]
-        raise IcyMoonError(f"{name} must be {' or '.join(kinds)}, not {value!r}.") from None
+        raise IcyMoonError(f"{name} must be {' or '.join(kinds)}, not {quote(value)}.") from None
     if not option.minimum <= number <= option.maximum or (whole and (number - option.minimum) % option.step):
-        raise IcyMoonError(f"{name} is {number}, outside {option.range}.")
+        raise IcyMoonError(f"{name} is {quote(number)}, outside {option.range}.")
     return number

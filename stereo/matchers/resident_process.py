@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import atexit
 import json
-import math
 import os
 import queue
 import subprocess
@@ -31,6 +30,7 @@ import numpy as np
 
 from ... import system
 from ...errors import IcyMoonError
+from ...file_shapes import NUMBER
 from ...render.pairs.pair_folder import StereoCamera
 from ...scratch import make_scratch_folder
 from ...support.foreign_bytes import parse_json
@@ -262,7 +262,7 @@ _COSTS = dict(zip(COSTS, ("cpu_seconds", "seconds", "gpu_seconds", "gpu_mb", "me
 
 
 def _is_cost(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and value >= 0
+    return bool(NUMBER.fits(value)) and value >= 0
 
 
 def _is_number(value: Any, number: int) -> bool:

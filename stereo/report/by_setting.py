@@ -73,6 +73,7 @@ def swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
     """The settings that differ between pairs, those with the fewest distinct values first, as these are most often set
     on purpose.
 
+    A setting that some pairs lack, such as photographs, and that is the same in all others, does not differ.
     ``places`` gives the number of each pair by name. Reads ``facts`` twice, to keep only what differs in memory.
     """
     first: dict[str, Any] = {}
@@ -86,7 +87,8 @@ def swept_settings(facts: Iterable[Mapping[str, Any]], places: Mapping[str, int]
         flat = _flat(pair["settings"])
         for name in differing:
             columns[name][places[pair["pair"]]] = flat.get(name)
-    sweeps = [Sweep(name, _title(name), _array(values)) for name, values in columns.items()]
+    sweeps = [sweep for name, values in columns.items()
+              if len((sweep := Sweep(name, _title(name), _array(values))).levels()[0]) > 1]
     return _join_inseparable(sorted(sweeps, key=lambda sweep: (len(np.unique(sweep.values.astype(str))), sweep.name)))
 
 

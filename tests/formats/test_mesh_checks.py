@@ -126,10 +126,11 @@ def test_whole_obj_and_stl_files_pass(tmp_path):
     ("a.obj", OBJ + "v " + "9" * 70_000, "has more than"), ("a.obj", OBJ.replace("1 0 0", "1 \x1b[31m 0"), "line 2"),
     ("a.stl", STL.replace("1 0 0", "1 zz 0"), "vertex of line 4"), ("a.stl", STL.replace("1 0 0", "1 0,5 0"), "line 4"),
     ("a.stl", STL.replace("vertex 1 0 0\n", "vertex 1 0 0\nvertex 1 0\n", 1), "line 5"),
-    ("a.stl", b"x" * 200, "cut off"),
+    ("a.stl", STL.replace("1 0 0", "1 1e100 0", 1).replace("1 0 0", "0 -1e400 0", 1), "three numbers: '0 -1e400 0'"),
+    ("a.obj", OBJ.replace("v 1 0 0", "v 1 inf 0"), "line 2"), ("a.stl", b"x" * 200, "cut off"),
     ("a.stl", STL.replace("  vertex 1 0 0\n", "", 1), "cut off"),
     ("a.stl", b"x" * 80 + b"\xff" * 4 + bytes(50), "cut off"),
-    ("a.stl", b"", "cut off"), ("a.stl", b"solid" + b" " * 10**6, "more than")], ids=range(19))
+    ("a.stl", b"", "cut off"), ("a.stl", b"solid" + b" " * 10**6, "more than")], ids=range(21))
 def test_an_obj_or_stl_of_no_numbers_is_refused_with_its_line(tmp_path, name, content, words):
     if words == "cut off" and not content:
         check_content(tmp_path / name, content)  # detect_kind has refused it
@@ -195,13 +196,18 @@ SPARSE = {"count": 3, "indices": {"bufferView": 1, "componentType": 5123}, "valu
     gltf_of(nodes=[{"children": [0]}]), gltf_of(nodes=[{"children": [1]}, {"children": [0]}]),
     gltf_of(nodes=[{"children": [1, 1]}, {}]), gltf_of(nodes=[{"children": [5]}]), gltf_of(nodes=[{"children": [-1]}]),
     gltf_of(nodes=[{"children": [k + 1]} for k in range(900)] + [{}]), gltf_of(images=[{"uri": "pipe"}]),
-    gltf_of(images=[{"uri": 3}]), [], 3, "text", None], ids=lambda document: json.dumps(document)[:4])
+    gltf_of(images=[{"uri": 3}]), gltf_of(buffers=[{"byteLength": 42, "uri": "link.bin"}]), gltf_of(scene=1),
+    gltf_of(scene=-1), gltf_of(scenes=[{"nodes": [1]}]), gltf_of(scenes=[{"nodes": ["a"]}]), gltf_of(nodes=["a"]),
+    gltf_of(nodes=[{"children": ["a"]}]), gltf_of(images=[{"uri": None}]),
+    [], 3, "text", None], ids=lambda document: json.dumps(document)[:4])
 def test_a_gltf_that_states_what_it_has_not_is_refused(tmp_path, document):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "sub").mkdir()
     (tmp_path / "a.bin").write_bytes(bytes(42))
     (tmp_path.parent / "a.bin").write_bytes(bytes(42))
-    refused(tmp_path / "a.gltf", json.dumps(document))
+    (tmp_path / "link.bin").symlink_to(tmp_path.parent / "a.bin")
+    text = refused(tmp_path / "a.gltf", json.dumps(document))
+    assert not [word for word in ("object", "instance", "out of range", "NoneType", "subscript") if word in text]
 
 
 @pytest.mark.parametrize("content", [

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import resource
+import struct
+import subprocess
+import sys
 
 import bpy
 import pytest
@@ -47,3 +51,23 @@ def test_an_importer_has_the_memory_of_its_mesh_and_gives_it_back(tmp_path):
     (tmp_path / "a.obj").write_text(OBJ)
     assert len(read_mesh(tmp_path / "a.obj")[1]) == 1
     assert resource.getrlimit(resource.RLIMIT_AS) == before
+
+
+@pytest.mark.heavy
+def test_what_an_importer_refuses_reaches_the_user_as_a_sentence(tmp_path):
+    """Its report has no end of line, and the message of the worker followed it in the same line."""
+    corners, faces = struct.pack("<9f", 0, 0, 0, 5, 0, 0, 0, 0, 5), struct.pack("<3H", 0, 1, 65535)
+    (tmp_path / "a.bin").write_bytes(corners + faces)
+    (tmp_path / "a.gltf").write_text(json.dumps({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": 42, "uri": "a.bin"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 6}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+                      {"bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR"}]}))
+    done = subprocess.run([sys.executable, "-m", "icymoon", "render", "--set", "source.kind=MESH", "--set",
+                           f"source.file={tmp_path / 'a.gltf'}", "--out", str(tmp_path / "out")],
+                          capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"icymoon: {tmp_path / 'a.gltf'}: Blender cannot read it as glTF")
+    assert done.stderr.count("\n") == 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import socket
 import sys
 from pathlib import Path
 
@@ -14,6 +15,8 @@ import pytest
 from icymoon import files
 from icymoon.errors import IcyMoonError
 from icymoon.render.pairs.pair_folder import StereoCamera, find_pairs, is_complete, read_pair, update_response
+from icymoon.render.plans.frozen_plan import read_frozen_plan
+from icymoon.render.plans.plan_file import find_plan, read_plan
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.workers.job import Job, absolute_folder, blender_command
 from icymoon.render.workers.process import Process
@@ -149,9 +152,25 @@ def test_removing_a_job_removes_what_a_killed_worker_left(tmp_path):
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 def test_a_pipe_is_no_pair_and_nobody_waits_for_it(tmp_path):
     os.mkfifo(tmp_path / "pair.json")
-    with pytest.raises(IcyMoonError, match="is not a file"):
+    with pytest.raises(IcyMoonError, match="it is no regular file"):
         read_pair(tmp_path)
     assert not is_complete(tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+@pytest.mark.parametrize("make", ["pipe", "folder", "socket"])
+def test_what_stands_in_place_of_a_file_is_named(tmp_path, make, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # the path of a socket is short
+    for name, read in (("pair.json", lambda: find_pairs(tmp_path)), ("plan.jsonl", lambda: read_frozen_plan(tmp_path)),
+                       ("plan.toml", lambda: read_plan(find_plan(str(tmp_path / "plan.toml")))),
+                       ("plan", lambda: read_plan(find_plan(str(tmp_path / "plan"))))):
+        with socket.socket(socket.AF_UNIX) as server:
+            if make == "socket":
+                server.bind(name)
+            else:
+                (os.mkfifo if make == "pipe" else os.mkdir)(name)
+            with pytest.raises(IcyMoonError, match=rf"/{name}:? cannot be read \(it is no regular file\)"):
+                read()
 
 
 @pytest.mark.parametrize("name", ["", "pair.json", "left.exr"])

@@ -94,7 +94,7 @@ def test_its_plan_goes_on_as_it_was_planned_after_defaults_have_changed(old, dat
     frozen = datasets.freeze_plan(dataset, plan.pairs(), plan.text)
     assert frozen.find_missing(dataset) == []
     assert (dataset / datasets.PLAN).read_bytes() == before
-    for words in ("light.sun_elevation_deg was 20.0 and is 25.0", "quality.extra_pass was False and is True",
+    for words in ("light.sun_elevation_deg was 20.0 and is 25.0", "quality.extra_pass was false and is true",
                   "as Icy Moon 0.1.0 planned it"):
         assert words in frozen.note
     with pytest.raises(IcyMoonError, match=r"another data set.*sun_elevation_deg was 20\.0 and is 25\.0.*icymoon work"):

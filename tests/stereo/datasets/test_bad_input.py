@@ -15,7 +15,9 @@ from icymoon.errors import IcyMoonError
 from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map
 from icymoon.stereo.datasets.input_faults import check_prediction
+from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.image_headers import MOST_PIXELS
+from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.sources import find_sources
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -177,6 +179,71 @@ def test_no_link_leaves_the_folder(tmp_path, layout):
     (root / name).unlink()
     shutil.move(tmp_path / "outside", root / name)
     assert find_sources([tmp_path / "link"])
+
+
+def with_two_pairs(layout, root):
+    """A data set, the name of a file of its pair b, and the names of both pairs as sources."""
+    if layout == "plain":
+        foreign.plain(root, 'disparity = "truth/{pair}.npy"', "", foreign.constant())
+        for folder, ending in (("left", "png"), ("right", "png"), ("truth", "npy")):
+            shutil.copy(root / folder / f"a.{ending}", root / folder / f"b.{ending}")
+        return root, "truth/b.npy", {"a", "b"}
+    if layout == "kitti":
+        return (foreign.kitti_2015(root, frames=2), "training/calib_cam_to_cam/000001.txt",
+                {"000000_10", "000001_10"})
+    if layout == "sceneflow":
+        return (foreign.sceneflow(root), "disparity/eating_camera2_x2/right/0001.pfm",
+                {"15mm_focallength-scene_forwards-fast-0001", "eating_camera2_x2-0001"})
+    if layout == "sintel":
+        foreign.sintel(root)
+        for folder in [path for path in root.glob("**/alley_1") if path.is_dir()]:
+            shutil.copytree(folder, folder.with_name("b"))
+        return root, "training/camdata_left/b/frame_0001.cam", {"alley_1-frame_0001", "b-frame_0001"}
+    foreign.middlebury(root)
+    shutil.copytree(root / "Adirondack", root / "b")
+    return root, layout, {"Adirondack", "b"}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need a privilege on Windows")
+@pytest.mark.parametrize("layout", ["plain", "kitti", "sceneflow", "sintel", "b/calib.txt", "b/disp0.pfm", "b"])
+@pytest.mark.parametrize("fault", ["outside", "missing"])
+def test_a_file_outside_costs_one_pair(tmp_path, layout, fault):
+    root, name, names = with_two_pairs(layout, tmp_path / "set")
+    shutil.move(root / name, tmp_path / "secret")
+    if fault == "outside":
+        (root / name).symlink_to(tmp_path / "secret")
+    elif layout in ("sceneflow", "b"):  # whose file is not needed
+        return
+    sources = find_sources([root])
+    assert {source.name for source in sources} == names
+    faults = []
+    for source in sources:
+        try:
+            source.prepare({})
+        except IcyMoonError as error:
+            faults.append(str(error))
+    assert len(faults) == 1
+    assert str(root / name) in faults[0]
+    assert ("is outside of" if fault == "outside" else "is missing") in faults[0]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="links need a privilege on Windows")
+@pytest.mark.usefixtures("undrawn")
+def test_an_evaluation_goes_on_beside_a_link_that_leads_outside(tmp_path):
+    root, name, _ = with_two_pairs("plain", tmp_path / "set")
+    shutil.move(root / name, tmp_path / "secret")
+    (root / name).symlink_to(tmp_path / "secret")
+    result = evaluate([root], parse_methods("bm"), tmp_path / "out")
+    assert {row["pair"]: row["status"] for row in result["rows"]} == {"a": "ok", "b": "failed"}
+    failed, = result["failed"]
+    assert "b.npy is outside of" in failed["message"]
+
+
+def test_a_data_set_without_a_usable_pair_is_refused_at_once(tmp_path):
+    root, name, _ = with_two_pairs("kitti", tmp_path / "set")
+    shutil.rmtree((root / name).parent)
+    with pytest.raises(IcyMoonError, match=r"000000\.txt is missing"):
+        find_sources([root])
 
 
 class Evil:

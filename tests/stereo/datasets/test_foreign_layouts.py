@@ -9,6 +9,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from icymoon.errors import IcyMoonError
+from icymoon.stereo.datasets.foreign_pair import ForeignPair
 from icymoon.stereo.datasets.layouts import find_foreign_pairs
 from icymoon.stereo.sources import find_sources
 
@@ -72,6 +73,8 @@ def test_middlebury_3_and_eth3d(tmp_path):
 def test_sceneflow_of_either_sign(tmp_path, negative):
     driving, monkaa = find_foreign_pairs(foreign.sceneflow(tmp_path, negative))
     assert (driving.name, monkaa.name) == ("15mm_focallength-scene_forwards-fast-0001", "eating_camera2_x2-0001")
+    assert isinstance(driving, ForeignPair)
+    assert isinstance(monkaa, ForeignPair)
     assert driving.scene != monkaa.scene
     for source, focal in ((driving, 450), (monkaa, 1050)):
         prepared = source.prepare({})

@@ -105,12 +105,42 @@ def test_what_is_wrong_is_one_sentence(how, options, reason, tmp_path):
 
 def test_a_file_that_is_no_network_is_one_sentence(tmp_path):
     (tmp_path / "net.onnx").write_bytes(b"no network")
-    with pytest.raises(IcyMoonError, match=r"net.onnx cannot be read as an ONNX network \(.*\); export it"):
+    with pytest.raises(IcyMoonError, match=r"net.onnx cannot be read as an ONNX network \(Load model.*\); export it"):
         found(tmp_path / "net.onnx")
     with pytest.raises(IcyMoonError, match=r"names .*none.onnx, which is no file"):
         check_options("onnx", {"model": str(tmp_path / "none.onnx")})
     with pytest.raises(IcyMoonError, match=r"onnx.model is empty"):
         check_options("onnx", {})
+
+
+def write_loop(path):
+    """Write a network whose loop has no end."""
+    onnx, (number, image) = onnx_networks.onnx, (onnx_networks.TensorProto.INT64, onnx_networks.TensorProto.FLOAT)
+    helper = onnx.helper
+
+    def value(name, kind=image, shape=None):
+        return helper.make_tensor_value_info(name, kind, shape)
+
+    flag = onnx_networks.TensorProto.BOOL
+    body = helper.make_graph(
+        [helper.make_node("Identity", ["go"], ["on"]), helper.make_node("Identity", ["x"], ["y"])], "body",
+        [value("k", number, []), value("go", flag, []), value("x")], [value("on", flag, []), value("y")])
+    graph = helper.make_graph(
+        [helper.make_node("ReduceMean", ["left"], ["mean"], axes=[1]),
+         helper.make_node("Loop", ["most", "true", "mean"], ["out"], body=body)], "graph",
+        [value(name, image, [1, 3, "h", "w"]) for name in ("left", "right")], [value("out", image, [1, 1, "h", "w"])],
+        [onnx.numpy_helper.from_array(np.array(2**62), "most"), onnx.numpy_helper.from_array(np.array(True), "true")])
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
+    model.ir_version = 8
+    path.write_bytes(model.SerializeToString())
+    return path
+
+
+def test_a_network_without_end_is_stopped(tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(matcher, "_MOST_S", 0.2)
+    with pytest.raises(IcyMoonError, match=r"loop.onnx failed in ONNX Runtime \(it did not end within 0.2 s\)"):
+        found(write_loop(tmp_path / "loop.onnx"))
+    assert "onnxruntime" not in capfd.readouterr().err
 
 
 def test_a_file_that_changed_is_read_again(tmp_path):

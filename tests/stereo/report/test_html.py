@@ -159,6 +159,12 @@ def test_settings_that_vary_are_found():
     assert swept_settings(many[:1], {"0": 0}) == []
 
 
+def test_settings_that_photographs_lack_are_not_swept():
+    """One that is the empty text in all other pairs has no value at all, of which no chart could be drawn."""
+    pairs = [{"pair": "a", "settings": {"light": {"body": "EUROPA", "date_utc": ""}}}, {"pair": "b", "settings": {}}]
+    assert swept_settings(pairs, {"a": 0, "b": 1}) == []
+
+
 def test_settings_that_vary_together_are_one():
     many = [facts(str(k), surface__albedo=(0.2, 0.8)[k % 2], terrain__roughness=(3.0, 1.0)[k % 2],
                   rig__heading_deg=float(k // 2)) for k in range(8)]
