@@ -66,8 +66,8 @@ class Rows:
 
 
 def reduced(text: bytes) -> bytes:
-    """The text with one 0 for each run of digits. Raises UnusualError for one with zero bytes, and where a number may be
-    too large for double precision: with an exponent of three digits, or hundreds of digits."""
+    """The text with one 0 for each run of digits. Raises UnusualError for one with zero bytes, and where a number may
+    be too large for double precision: with an exponent of three digits, or hundreds of digits."""
     zeros = text.translate(_DIGITS)
     if b"\0" in text or _MANY_DIGITS in zeros:
         raise UnusualError

@@ -260,7 +260,7 @@ def test_a_link_out_of_the_folder_is_not_followed(tmp_path):
     ("m.obj", b"v 0 0 0\nf -2 1 1\n", "vertex -2"), ("m.obj", b"v 0 0 0\nf 1 1 " + b"9" * 30, "but there are 1"),
     ("m.obj", b"v 0 0 0\nf 1 a/2 1\n", "the face of line 2 has 'a/2', not the number of a vertex"),
     ("m.obj", b"v 1 2\n", "the vertex of line 1 is not three numbers"),
-    ("m.obj", b"v 0 0 inf\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "no place"), ("m.3ds", b"MM", "convert this one")])
+    ("m.obj", b"v 0 0 inf\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "three numbers"), ("m.3ds", b"MM", "convert this one")])
 def test_a_broken_mesh_is_a_sentence(tmp_path, name, content, words):
     (tmp_path / name).write_bytes(content)
     path = write_robot(tmp_path, shapes={"one": visual(name)})
