@@ -265,3 +265,11 @@ def test_spice_is_loaded_for_kernels_only():
                "light = description.defaults()['light']\nsky(light)\nsky(light | {'directions_from': 'DATE'})\n"
                "assert 'spiceypy' not in sys.modules")
     subprocess.run([sys.executable, "-c", program], check=True, timeout=240)
+@pytest.mark.parametrize(("body", "parent", "planet"), [
+    ("EUROPA", "SATURN", "JUPITER"), ("Enceladus", "jupiter", "SATURN"), ("TITANIA", "SATURN", "URANUS")])
+def test_a_moon_of_another_planet_is_refused_before_data_of_that_are_asked_for(kernels, body, parent, planet):
+    """Data of the wrong planet would give its sky without a word."""
+    with pytest.raises(IcyMoonError, match=f"a moon of {planet}, but .* set light.parent to {planet}"):
+        spice.positions(kernels, body, parent, DATE, 0.0, 0.0)
+
+
