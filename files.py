@@ -11,6 +11,7 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from datetime import date, time
 from pathlib import Path
 from typing import Any
 
@@ -205,8 +206,9 @@ def shorten(text: str) -> str:
 
 
 def quote(value: object) -> str:
-    """A value to quote in a sentence, as Python writes it: only its beginning if that is long."""
-    return shorten(repr(value))
+    """A value to quote in a sentence, as Python writes it, but dates of TOML as they stand there: only its beginning if
+    that is long."""
+    return shorten(value.isoformat() if isinstance(value, (date, time)) else repr(value))
 
 
 def is_file(path: Path) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..physics.light.ephemeris import parse_date
+from ..physics.light.ephemeris import date_text, parse_date
 from ..physics.light.sky import check_body, sky, sky_facts
 from ..settings.description import check, merged
 from ..settings.preset_files import preset_names
@@ -75,9 +75,9 @@ def _preset_of(body: str | None) -> list[str]:
 
 
 def _dates(first: str, source: str, hours: float, every: float) -> list[str]:
-    """The dates of the rows. Raises IcyMoonError for steps that are none."""
+    """The dates of the rows, in UTC. Raises IcyMoonError for steps or a date that are none."""
     if hours == 0:
-        return [first]
+        return [first if source == "ANGLES" else date_text(parse_date(first))]
     if source == "ANGLES":
         raise IcyMoonError("--hours needs a date; give --date, or set light.directions_from to DATE.")
     if not (0 < hours < np.inf and 0 < every < np.inf) or hours / every > _MOST_ROWS:
@@ -85,7 +85,7 @@ def _dates(first: str, source: str, hours: float, every: float) -> list[str]:
                            f"{_MOST_ROWS} rows.")
     start = parse_date(first).astype("datetime64[s]")
     steps = np.arange(0.0, hours + every / 1e6, every)
-    return [str(start + np.timedelta64(round(3600 * step), "s")) for step in steps]
+    return [date_text(start + np.timedelta64(round(3600 * step), "s")) for step in steps]
 
 
 def _row(date: str, facts: dict[str, Any]) -> tuple[str, ...]:

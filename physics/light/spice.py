@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from .ephemeris import Positions, days_since_j2000, local_axes
+from .ephemeris import Positions, date_text, local_axes, parse_date
 from .kernels import find_kernels
 from .sunlight import AU_KM
 
@@ -39,7 +39,7 @@ def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg
     if not kernels.exists():
         raise IcyMoonError(f"light.kernels names {kernels}, which is not there; give a meta-kernel or a folder of "
                            "kernels.")
-    days_since_j2000(date_utc)  # for a better message than SPICE's if it is no date
+    date_utc = date_text(parse_date(date_utc))  # SPICE reads other texts too, and some of them as other dates
     spice = importlib.import_module("spiceypy")
     try:
         # Both orders of loading work: which kernel wins matters only where two hold the same.
@@ -56,7 +56,7 @@ def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg
 
 def _positions(spice: Any, body: str, parent: str, date_utc: str, latitude_deg: float,
                longitude_deg: float) -> Positions:
-    time = spice.str2et(date_utc.strip().removesuffix("Z"))
+    time = spice.str2et(date_utc)
     frame = f"IAU_{body}"
     _refuse_other_planet(spice, body, parent)
     latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)

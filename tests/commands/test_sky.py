@@ -54,6 +54,13 @@ def test_a_table_goes_on_through_an_eclipse(capsys):
     assert all(row["sun"]["ground_irradiance_wm2"] == 0 for row in rows if row["sun"]["eclipse"] == 1)
 
 
+def test_a_date_is_printed_in_utc(capsys):
+    (found,) = facts(capsys, *PLACE[:-1], "2035-03-01T12:00+00:00")
+    assert found["date_utc"] == "2035-03-01T12:00:00"
+    assert main(["sky", *PLACE]) == 0
+    assert "2035-03-01 12:00 " in capsys.readouterr().out
+
+
 def test_presets_and_angles_do_too(capsys):
     assert main(["sky", "--preset", "enceladus_fresh_snow"]) == 0
     assert "by angles" in capsys.readouterr().out
