@@ -11,9 +11,10 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..formats.cahvor import FIT_LIMIT_PX, Lens, nearest_lens, read_model
-from ..formats.ros_camera import read_ros_camera
+from ..formats.ros_camera import RosCamera, read_ros_camera
 from ..physics.camera.lens_distortion import COEFFICIENTS
 from ..settings.description import check, defaults
+from ..settings.table import TOPICS
 from ..settings.toml_text import to_toml
 from ..support.printer import say
 from ..terminal import as_path
@@ -24,14 +25,20 @@ _PARALLEL_RAD, _ASIDE = 1e-4, 1e-3
 #: How far two eyes may differ in focal length, principal point and distortion, px over the image, to be alike; and as
 #: shares of the focal length and of the width, to be taken for one lens, their mean.
 _ALIKE_PX, _MOST_FOCAL, _MOST_CENTRE = 0.5, 0.05, 0.05
+#: By how much the focal lengths along x and y may differ as a share for pixels that are squares.
+_SQUARE = 1e-3
+#: Longest baseline of two eyes on one mount, m; that of NASA's rovers is at most 0.42, that of cars 1.5.
+_LIKELY_BASELINE_M = 5.0
 #: Files of ROS by their suffix; all others are camera models of JPL.
 _ROS = (".yaml", ".yml")
 
 
 @dataclass(frozen=True)
 class _Eye:
-    """A camera: its lens, the rotation (3, 3) from world axes into its own, its place (3,) in metres, its image."""
+    """A camera: its file, its lens, the rotation (3, 3) from world axes into its own, its place (3,) in metres, and the
+    size of its images."""
 
+    path: Path
     lens: Lens
     rotation: np.ndarray
     centre_m: np.ndarray
@@ -65,18 +72,21 @@ def read_rig(left: Path, right: Path, most_px: float = FIT_LIMIT_PX) -> tuple[Se
     parallel and side by side, if they differ by more than a twentieth, or if the lens is off by more than ``most_px``.
     """
     where = f"{left} and {right}"
-    if (left.suffix.lower() in _ROS) != (right.suffix.lower() in _ROS):
+    of_ros = [path.suffix.lower() in _ROS for path in (left, right)]
+    if of_ros[0] != of_ros[1]:
         raise IcyMoonError(f"{where} are calibrations of two kinds; give two of one kind.")
-    if left.suffix.lower() in _ROS:
-        first, second = _read_ros_eyes(left, right)
+    if of_ros[0]:
+        first, second, taken = _read_ros_eyes(left, right)
     else:
-        first, second = _read_eye(left, most_px), _read_eye(right, most_px)
+        first, second, taken = _read_eye(left, most_px), _read_eye(right, most_px), []
     width, height = first.size_px
     if first.size_px != second.size_px:
         sizes = " and ".join(f"{eye.size_px[0]} x {eye.size_px[1]} px" for eye in (first, second))
         raise IcyMoonError(f"{where} have images of {sizes}, and both eyes of a rig here have one size; rectify their "
                            "images first.")
     _check_parallel(first, second, where)
+    baseline_m, doubt = _baseline(first, second, "the fourth number of projection_matrix is -fx times the baseline"
+                                  if of_ros[0] else "the vector C is")
     lens, averaged = _mean_lens(first.lens, second.lens, width, where)
     width_mm = defaults().rig.sensor_width_mm
     rig = {"width_px": width, "height_px": height, "sensor_width_mm": width_mm,
@@ -84,35 +94,72 @@ def read_rig(left: Path, right: Path, most_px: float = FIT_LIMIT_PX) -> tuple[Se
            # Rounding of the model's vectors leaves 1e-14 px where the middle is meant; adding 0 makes -0 plain.
            "principal_x_px": round(lens.cx_px + 0.5 - width / 2, 9) + 0.0,
            "principal_y_px": round(lens.cy_px + 0.5 - height / 2, 9) + 0.0,
-           "baseline_m": float(np.linalg.norm(second.centre_m - first.centre_m)),
+           "baseline_m": baseline_m,
            **{f"distortion_{name}": value for name, value in zip(COEFFICIENTS, lens.k, strict=True)}}
     fitted = [f"The lens is fitted, off by up to {lens.residual_px:.2g} px."] if lens.residual_px else []
-    return check({"rig": rig}, where), [*fitted, *averaged]
+    return check({"rig": rig}, where), [*taken, *fitted, *averaged, *doubt]
 
 
 def _read_eye(path: Path, most_px: float) -> _Eye:
     model = read_model(path)
-    return _Eye(nearest_lens(model, most_px), model.pinhole()[1], model.c, (model.width_px, model.height_px))
+    return _Eye(path, nearest_lens(model, most_px), model.pinhole()[1], model.c, (model.width_px, model.height_px))
 
 
-def _read_ros_eyes(left: Path, right: Path) -> tuple[_Eye, _Eye]:
-    """Two cameras in the axes of the rectified left one."""
-    eyes = []
-    for path in (left, right):
-        found = read_ros_camera(path)
-        fx, fy = found.matrix[0, 0], found.matrix[1, 1]
-        if not (fx > 0 and fy > 0 and abs(fx / fy - 1) < 1e-3 and found.matrix[0, 1] == 0):
-            raise IcyMoonError(f"{path}: its pixels are no squares (fx {fx:g}, fy {fy:g} px), which Icy Moon's cameras "
-                               "cannot be; rectify its images first.")
-        if not found.projection[0, 0] > 0:
-            raise IcyMoonError(f"{path}: projection_matrix has no focal length; calibrate both eyes as a stereo pair.")
-        lens = Lens((fx + fy) / 2, found.matrix[0, 2], found.matrix[1, 2], found.k, 0.0)
-        place = np.array([-found.projection[0, 3] / found.projection[0, 0], 0.0, 0.0])
-        eyes.append(_Eye(lens, found.rectification.T, place, (found.width_px, found.height_px)))
-    if not eyes[1].centre_m[0] > eyes[0].centre_m[0]:
+def _read_ros_eyes(left: Path, right: Path) -> tuple[_Eye, _Eye, list[str]]:
+    """Two cameras in the axes of the rectified left one, and a sentence if they are those of the rectified images.
+
+    Pixels that are no squares are so in the images of the camera only: those of rectified images are.
+    """
+    cameras = [(path, read_ros_camera(path)) for path in (left, right)]
+    for path, camera in cameras:
+        for name, matrix in (("camera_matrix", camera.matrix), ("projection_matrix", camera.projection)):
+            if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
+                raise IcyMoonError(f"{path}: {name} has no focal length; calibrate both eyes as a stereo pair.")
+    odd = next((camera.matrix for _, camera in cameras if not _has_squares(camera.matrix)), None)
+    taken = [] if odd is None else [
+        "This is the rig of the rectified images, with the focal length and the principal point of projection_matrix "
+        f"and no distortion: pixels of camera_matrix are no squares ({_focal_lengths(odd)})."]
+    first, second = (_ros_eye(path, camera, odd is not None) for path, camera in cameras)
+    if not np.linalg.norm(second.centre_m - first.centre_m) > 0:
         raise IcyMoonError(f"{right}: projection_matrix states no baseline (-f B, its fourth number); calibrate both "
-                           "eyes as a stereo pair, and give the left one first.")
-    return eyes[0], eyes[1]
+                           "eyes as a stereo pair.")
+    return first, second, taken
+
+
+def _ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
+    """A camera as it is, or that of its rectified images. Raises IcyMoonError if their pixels are no squares."""
+    if rectified and not _has_squares(camera.projection):
+        raise IcyMoonError(f"{path}: its pixels are no squares, in projection_matrix too "
+                           f"({_focal_lengths(camera.projection)}), which Icy Moon's cameras cannot be; calibrate both "
+                           "eyes as a stereo pair, which gives projection_matrix one focal length.")
+    matrix = camera.projection if rectified else camera.matrix
+    lens = Lens((matrix[0, 0] + matrix[1, 1]) / 2, matrix[0, 2], matrix[1, 2],
+                (0.0,) * len(COEFFICIENTS) if rectified else camera.k, 0.0)
+    place = np.array([*(-camera.projection[k, 3] / camera.projection[k, k] for k in range(2)), 0.0])
+    return _Eye(path, lens, np.eye(3) if rectified else camera.rectification.T, place,
+                (camera.width_px, camera.height_px))
+
+
+def _has_squares(matrix: np.ndarray) -> bool:
+    return bool(abs(matrix[0, 0] / matrix[1, 1] - 1) < _SQUARE and matrix[0, 1] == 0)
+
+
+def _focal_lengths(matrix: np.ndarray) -> str:
+    return f"fx {matrix[0, 0]:g}, fy {matrix[1, 1]:g} px"
+
+
+def _baseline(left: _Eye, right: _Eye, stated_in: str) -> tuple[float, list[str]]:
+    """The distance of the eyes in metres, and a sentence if its unit may be another.
+
+    Raises IcyMoonError if it is too long for any rig. ``stated_in`` names the number of the file that is it.
+    """
+    baseline_m, most = float(np.linalg.norm(right.centre_m - left.centre_m)), TOPICS["rig"]["baseline_m"].maximum
+    if baseline_m > most:
+        raise IcyMoonError(f"{right.path}: its eye is {baseline_m:g} m from that of {left.path}, more than {most:g} m; "
+                           f"{stated_in} in metres, and seems to be in millimetres here: divide by 1000.")
+    return baseline_m, [] if baseline_m <= _LIKELY_BASELINE_M else [
+        f"The eyes are {baseline_m:g} m apart, since {stated_in} in metres. If it is in millimetres, set "
+        f"rig.baseline_m to {baseline_m / 1000:g}."]
 
 
 def _mean_lens(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens, list[str]]:
@@ -140,10 +187,19 @@ def _check_parallel(left: _Eye, right: _Eye, where: str) -> None:
     """Raise IcyMoonError unless the right eye stands on the x axis of the left one, and looks where it looks."""
     first, second = left.rotation, right.rotation
     turned = float(np.arccos(np.clip(((first @ second.T).trace() - 1) / 2, -1, 1)))
-    along = first @ (right.centre_m - left.centre_m)
+    x, y, z = map(float, first @ (right.centre_m - left.centre_m))
     if turned > _PARALLEL_RAD:
         raise IcyMoonError(f"{where}: the eyes are turned against each other by {np.degrees(turned):.3g} degrees; "
                            "rectify their images first.")
-    if not along[0] > 0 or np.abs(along[1:]).max() > _ASIDE * along[0]:
-        raise IcyMoonError(f"{where}: the right eye is {along[0]:.4g} m to the right of the left one, {along[1]:.4g} m "
-                           f"below and {along[2]:.4g} m before it, so they are not side by side; rectify their images.")
+    aside = max(abs(y), abs(z)) > _ASIDE * abs(x)
+    if x < 0 and not aside:
+        raise IcyMoonError(f"{right.path} stands {-x:.4g} m to the left of {left.path}, so it is the left eye; give it "
+                           "first.")
+    if abs(y) > abs(x):
+        raise IcyMoonError(f"{where}: one eye is {abs(y):.4g} m above the other, and a rig here has its eyes side by "
+                           "side; turn the images of both by 90 degrees and calibrate them again.")
+    if aside:
+        raise IcyMoonError(f"{where}: the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and "
+                           f"{z:.4g} m before it, so they are not side by side; rectify their images.")
+    if x == 0:
+        raise IcyMoonError(f"{where}: both eyes are at one place; give the calibrations of two cameras.")

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..physics.light.ephemeris import parse_date
+from ..physics.light.ephemeris import date_text, parse_date
 from ..physics.light.sky import check_body, sky, sky_facts
 from ..settings.description import check, merged
+from ..settings.preset_files import preset_names
 from ..support.printer import emit_json, print_table, say
 from .scene_options import add_scene_options, read_settings
 
@@ -26,7 +27,8 @@ def add_verb(verbs: Any) -> None:
     """Add the verb to the command line's parser."""
     parser = verbs.add_parser("sky", help="print Sun, planet and eclipse over a site at a date, without a render")
     add_scene_options(parser)
-    parser.add_argument("--body", help="light.body: ENCELADUS, EUROPA, or any that the kernels cover")
+    parser.add_argument("--body", help="light.body with its preset: ENCELADUS or EUROPA; or any that the kernels "
+                        "cover, whose planet --set light.parent=NAME names")
     parser.add_argument("--latitude", type=float, metavar="DEG", help="light.latitude_deg, north")
     parser.add_argument("--longitude", type=float, metavar="DEG", help="light.longitude_deg, east")
     parser.add_argument("--date", help="light.date_utc, such as 2035-03-01T12:00:00")
@@ -44,6 +46,7 @@ def _run_sky(options: argparse.Namespace) -> int:
               "date_utc": options.date, "kernels": options.kernels,
               "directions_from": "KERNELS" if options.kernels else "DATE" if options.date else None,
               "planet": True if by_date else None}
+    options.preset += _preset_of(options.body)
     settings = merged(read_settings(options), check(
         {"light": {key: value for key, value in stated.items() if value is not None}}, "sky"))
     if options.body is None:
@@ -65,10 +68,16 @@ def _run_sky(options: argparse.Namespace) -> int:
     return 0
 
 
+def _preset_of(body: str | None) -> list[str]:
+    """The shipped preset of a body, which states its planet and that planet's light; empty without one."""
+    name = f"bodies/{(body or '').strip().lower()}"
+    return [name] if name in preset_names("bodies") else []
+
+
 def _dates(first: str, source: str, hours: float, every: float) -> list[str]:
-    """The dates of the rows. Raises IcyMoonError for steps that are none."""
+    """The dates of the rows, in UTC. Raises IcyMoonError for steps or a date that are none."""
     if hours == 0:
-        return [first]
+        return [first if source == "ANGLES" else date_text(parse_date(first))]
     if source == "ANGLES":
         raise IcyMoonError("--hours needs a date; give --date, or set light.directions_from to DATE.")
     if not (0 < hours < np.inf and 0 < every < np.inf) or hours / every > _MOST_ROWS:
@@ -76,7 +85,7 @@ def _dates(first: str, source: str, hours: float, every: float) -> list[str]:
                            f"{_MOST_ROWS} rows.")
     start = parse_date(first).astype("datetime64[s]")
     steps = np.arange(0.0, hours + every / 1e6, every)
-    return [str(start + np.timedelta64(round(3600 * step), "s")) for step in steps]
+    return [date_text(start + np.timedelta64(round(3600 * step), "s")) for step in steps]
 
 
 def _row(date: str, facts: dict[str, Any]) -> tuple[str, ...]:

@@ -33,8 +33,12 @@ from .terrain_mesh import build_mesh_from_arrays, shortest_wavelength_m
 _SMALLEST_M, _LARGEST_M = 1e-3, 1e5
 #: Limits in metres outside which the unit is probably wrong.
 _UNLIKELY_M = (0.2, 2e4)
+_SET_SCALE = "set source.scale (0.001 for millimetres)."
 #: Relief divided by width above which the unit is probably wrong.
 _UNLIKELY_RELIEF = 2.0
+#: Median edge of a mesh's triangles over the height of the camera above which the unit is probably wrong: one triangle
+#: then fills the image of a camera that looks down.
+_UNLIKELY_EDGE = 3.0
 #: Maximum number of triangles into which a mesh is divided for added roughness.
 _MOST_TRIANGLES = 8_000_000
 #: Rows of the matrix that rotates file coordinates to z up: each the axis of the file and its sign.
@@ -148,6 +152,15 @@ def _check_size(path: Path, extents_m: np.ndarray, fix: str, fix_height: str) ->
     return warnings
 
 
+def _check_against_camera(path: Path, positions: np.ndarray, faces: np.ndarray, height_m: float, fix: str) -> list[str]:
+    """A warning of a mesh that is too coarse or too small for a camera at this height above it."""
+    widest, edge = float(np.ptp(positions[:, :2], axis=0).max()), subdivide.edge_length_m(positions, faces)
+    if widest >= height_m and edge <= _UNLIKELY_EDGE * height_m:
+        return []
+    return [f"{path.name} is {widest:.3g} m wide with triangles of {edge:.3g} m, and the camera is {height_m:.3g} m "
+            f"above it; if its unit is not what you meant, {fix}"]
+
+
 def turned_up(positions: np.ndarray, kind: str, up_axis: str) -> tuple[np.ndarray, str]:
     """Vertices of ``read_mesh``, rotated so that ``up_axis`` of the file is z, and that axis."""
     usual = "Y" if kind in ("OBJ", "glTF") else "Z"
@@ -172,8 +185,7 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
                         "it is another unit.")
     positions, axis = turned_up(positions * source.scale, kind, source.up_axis)
     before = check.examine(positions, faces)
-    warnings += _check_size(path, np.array(before.extents_m), "set source.scale (0.001 for millimetres).",
-                            "fix the vertices that stand out.")
+    unlikely = _check_size(path, np.array(before.extents_m), _SET_SCALE, "fix the vertices that stand out.")
     if before.area_m2 <= 0.0 or before.degenerate_faces == before.triangles:
         raise IcyMoonError(f"{path}: none of its {before.triangles} faces has an area; export the mesh again.")
     if before.non_finite_vertices and not source.repair:
@@ -186,6 +198,9 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
         report.append("Repaired: " + "; ".join(after.lines()))
     else:
         after = before
+    if source.kind == "MESH" and not unlikely:  # a stand-in has its unit
+        unlikely = _check_against_camera(path, positions, faces, float(settings.rig.height_m), _SET_SCALE)
+    warnings += unlikely
     if after.up != "Z":
         warnings.append(f"Most faces of {path.name} point along {after.up}, so another axis may point up; set "
                         "source.up_axis.")

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,22 +40,56 @@ class Positions:
     from_j2000: np.ndarray  # (3, 3) from the J2000 equatorial frame
 
 
-def parse_date(date_utc: str) -> np.datetime64:
-    """A date such as 2035-03-01T12:00:00, to the millisecond.
+#: A date, of which all but the year may be left out, and how far the clock of that is ahead of UTC.
+_DAY = r"\s*([0-9]{4})(?:-([0-9]{2})(?:-([0-9]{2})"
+_TIME = r"(?:[T ]([0-9]{2})(?::([0-9]{2})(?::([0-9]{2})(\.[0-9]+)?)?)?"
+_ZONE = r"(?:\s*(?:[Zz]|([+-])([01][0-9])(?::?([0-5][0-9]))?))?"
+_DATE = re.compile(rf"{_DAY}{_TIME}{_ZONE})?)?)?\s*")
 
-    Raises IcyMoonError for what is no date.
+
+def parse_date(date_utc: str) -> np.datetime64:
+    """A date such as 2035-03-01T12:00:00, to the millisecond; UTC may be stated, as Z or +00:00.
+
+    Raises IcyMoonError for what is no date, for one that the calendar lacks, and for one of another zone.
     """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")  # numpy only warns of a time zone
-            if not re.match(r"\s*[0-9]{4}(\D|$)", date_utc):
-                raise ValueError(date_utc)  # years of more digits wrap around in numpy
-            date = np.datetime64(date_utc.strip().removesuffix("Z"), "ms")
-    except (ValueError, Warning):
-        date = np.datetime64("NaT", "ms")
-    if np.isnat(date):
-        raise IcyMoonError(f"light.date_utc is {shorten(date_utc)!r}; write it as 2035-03-01T12:00:00.")
+    shown = f"light.date_utc is {shorten(date_utc)!r}"
+    match = _DATE.fullmatch(date_utc)
+    if match is None:
+        raise IcyMoonError(f"{shown}; write it as 2035-03-01T12:00:00.")
+    year, month, day = (int(part or 1) for part in match.groups()[:3])
+    hour, minute, second = (int(part or 0) for part in match.groups()[3:6])
+    fraction, sign, zone_hours, zone_minutes = match.groups()[6:]
+    if lack := _calendar_lack(year, month, day, hour, minute, second + float(fraction or 0)):
+        raise IcyMoonError(f"{shown}, but {lack}.")
+    date = (np.datetime64(f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}", "ms")
+            + np.timedelta64(int(f"{fraction or '.'}000"[1:4]), "ms"))
+    ahead = np.timedelta64(60 * int(zone_hours or 0) + int(zone_minutes or 0), "m")
+    if ahead:
+        raise IcyMoonError(f"{shown}, which is not in UTC; write the same moment as "
+                           f"{date_text(date - ahead if sign == '+' else date + ahead)}.")
     return date
+
+
+def date_text(date: np.datetime64) -> str:
+    """A date as ``light.date_utc`` states it, without milliseconds that are 0."""
+    return str(date.astype("datetime64[ms]")).removesuffix(".000")
+
+
+def _calendar_lack(year: int, month: int, day: int, hour: int, minute: int, second: float) -> str:
+    """Why there is no such day or time of day, with what to write; empty if there is."""
+    if not 1 <= month <= 12:
+        return "a year has 12 months; write a month from 01 to 12"
+    first = np.datetime64(f"{year:04}-{month:02}", "M")
+    days = int(((first + 1).astype("datetime64[D]") - first.astype("datetime64[D]")).astype(int))
+    if not 1 <= day <= days:
+        return f"{first} has {days} days; write a day from 01 to {days}"
+    if hour > 23:
+        next_day = first.astype("datetime64[D]") + day
+        return "the hours of a day are 00 to 23; " + (
+            "write an hour from 00 to 23" if hour > 24 or minute or second else f"write its end as {next_day}T00:00:00")
+    if minute > 59:
+        return "an hour has 60 minutes; write a minute from 00 to 59"
+    return "" if second < 60 else "a minute has 60 seconds here; write a second from 00 to 59"
 
 
 def days_since_j2000(date_utc: str) -> float:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from .ephemeris import Positions, days_since_j2000, local_axes
+from .ephemeris import Positions, date_text, local_axes, parse_date
 from .kernels import find_kernels
 from .sunlight import AU_KM
 
@@ -30,7 +30,8 @@ def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg
     """Sun and planet over a site, with light time and stellar aberration.
 
     ``kernels`` is a meta-kernel, or a folder whose kernels are all loaded, see ``kernels.find_kernels``. ``body`` and
-    ``parent`` are names that SPICE knows. Raises IcyMoonError if SpiceyPy, a kernel or data for the date is missing.
+    ``parent`` are names that SPICE knows. Raises IcyMoonError if SpiceyPy, a kernel or data for the date is missing, or
+    if the moon is one of another planet.
     """
     if not has_spice():
         raise IcyMoonError("This Python has no SpiceyPy, which light.kernels needs; install icymoon[ephemeris] in it "
@@ -38,7 +39,7 @@ def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg
     if not kernels.exists():
         raise IcyMoonError(f"light.kernels names {kernels}, which is not there; give a meta-kernel or a folder of "
                            "kernels.")
-    days_since_j2000(date_utc)  # for a better message than SPICE's if it is no date
+    date_utc = date_text(parse_date(date_utc))  # SPICE reads other texts too, and some of them as other dates
     spice = importlib.import_module("spiceypy")
     try:
         # Both orders of loading work: which kernel wins matters only where two hold the same.
@@ -55,8 +56,9 @@ def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg
 
 def _positions(spice: Any, body: str, parent: str, date_utc: str, latitude_deg: float,
                longitude_deg: float) -> Positions:
-    time = spice.str2et(date_utc.strip().removesuffix("Z"))
+    time = spice.str2et(date_utc)
     frame = f"IAU_{body}"
+    _refuse_other_planet(spice, body, parent)
     latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
     site = spice.srfrec(spice.bods2c(body), longitude, latitude)
     radii = spice.bodvrd(body, "RADII", 3)[1]
@@ -72,3 +74,13 @@ def _positions(spice: Any, body: str, parent: str, date_utc: str, latitude_deg: 
     sun_km, planet_km = float(np.linalg.norm(sun)), float(np.linalg.norm(planet))
     return Positions(sun / sun_km, sun_km / AU_KM, parent, planet / planet_km, planet_km, float(planet_radii[0]),
                      float(planet_radii[2]), axes @ axis, axes @ np.asarray(spice.pxform("J2000", frame, time)))
+
+
+def _refuse_other_planet(spice: Any, body: str, parent: str) -> None:
+    """Raise IcyMoonError if the planet is not that of the moon by NAIF's numbers: 502 is a moon of 599."""
+    number = spice.bods2c(body)
+    planet = number // 100 * 100 + 99
+    if 100 < number < 1000 and number % 100 not in (0, 99) and spice.bods2c(parent) != planet:
+        name = spice.bodc2n(planet).upper()
+        raise IcyMoonError(f"light.body is {body}, a moon of {name}, but light.parent is {parent}; set light.parent to "
+                           f"{name}.")

@@ -46,7 +46,10 @@ def test_the_rig_is_that_of_its_models(tmp_path, text, capsys):
 
 
 @pytest.mark.parametrize(("at", "turn", "words"), [
-    ((0.3, 0, 0), 0.02, r"1\.15 degrees"), ((0.3, 0.1, 0), 0.0, "side by side"), ((-0.3, 0, 0), 0.0, "side by side")])
+    ((0.3, 0, 0), 0.02, r"1\.15 degrees"), ((0.3, 0.1, 0), 0.0, "side by side"), ((0.3, 0, 0.1), 0.0, "side by side"),
+    ((-0.3, 0.1, 0), 0.0, "side by side"), ((0, 0.3, 0), 0.0, "0.3 m above the other.* turn the images of both by 90"),
+    ((0.01, -0.3, 0), 0.0, "0.3 m above the other"), ((0, 0, 0), 0.0, "at one place"),
+    ((300.0, 0, 0), 0.0, r"right\.txt: its eye is 300 m .* the vector C is in metres, .* divide by 1000")])
 def test_what_is_no_rig_here_is_refused(tmp_path, at, turn, words):
     with pytest.raises(IcyMoonError, match=words):
         read_rig(*written(tmp_path, at, turn))
@@ -104,7 +107,8 @@ def test_a_calibration_of_ros_is_a_rig(tmp_path):
     ("image_width: 640", "%YAML:1.0\n---\nimage_width: 640", "YAML of OpenCV"),
     ("500., 240.25, 0., 0., 0., 1., 0.]", "500., 240.25, 0.", "projection_matrix"),
     ("cols: 4\n  data: [500., 0.", "cols: 4\n  data: [0., 0.", "no focal length"),
-    ("0., 500., 240.25,\n", "0., 700., 240.25,\n", "no squares")])
+    ("0., 500., 240.25", "0., 700., 240.25", "no squares, in projection_matrix too (fx 500, fy 700 px)"),
+    ("0., 500., 240.25,\n", "0., -500., 240.25,\n", "camera_matrix has no focal length")])
 def test_what_is_no_calibration_of_ros_is_a_sentence(tmp_path, capsys, before, after, words):
     left, right = ros_pair(tmp_path)
     text = right.read_text(encoding="utf-8")
@@ -115,6 +119,72 @@ def test_what_is_no_calibration_of_ros_is_a_sentence(tmp_path, capsys, before, a
     assert words in shown
     assert "right.yaml" in shown
     assert len(shown.splitlines()) == 1
+
+
+def change(path, *pairs):
+    text = path.read_text(encoding="utf-8")
+    for before, after in pairs:
+        assert before in text
+        text = text.replace(before, after)
+    path.write_text(text, encoding="utf-8")
+
+
+def test_eyes_in_the_wrong_order_are_named(tmp_path):
+    """Whichever file has the baseline; the fix works."""
+    folders = [tmp_path / name for name in ("ros", "shifted", "cahvor")]
+    for folder in folders:
+        folder.mkdir()
+    first, second, third = ros_pair(folders[0]), ros_pair(folders[1], shift="100.0")[::-1], written(folders[2])
+    for left, right in (first, second, third):
+        with pytest.raises(IcyMoonError) as caught:
+            read_rig(right, left)
+        found, _ = read_rig(left, right)
+        assert str(caught.value) == (f"{left} stands {found.rig.baseline_m:.4g} m to the left of {right}, so it is the "
+                                     "left eye; give it first.")
+
+
+def test_one_file_is_no_pair(tmp_path):
+    (left, _), (of_jpl, _) = ros_pair(tmp_path), written(tmp_path)
+    for path, words in ((left, "states no baseline"), (of_jpl, "at one place")):
+        with pytest.raises(IcyMoonError, match=words):
+            read_rig(path, path)
+
+
+def test_a_pair_of_ros_one_above_the_other_has_its_own_sentence(tmp_path):
+    left, right = ros_pair(tmp_path)
+    change(right, ("-100.0, 0., 500., 240.25, 0.,", "0., 0., 500., 240.25, -100.,"))
+    with pytest.raises(IcyMoonError, match=r"0\.2 m above the other.* turn the images of both by 90 degrees"):
+        read_rig(left, right)
+
+
+def test_a_baseline_in_millimetres_is_doubted(tmp_path):
+    left, right = ros_pair(tmp_path, shift="-60000.0")
+    with pytest.raises(IcyMoonError, match=r"right\.yaml: its eye is 120 m .* is -fx times the baseline in metres, .* "
+                                           r"divide by 1000\."):
+        read_rig(left, right)
+    left, right = ros_pair(tmp_path, shift="-30000.0")
+    found, (note,) = read_rig(left, right)
+    assert found.rig.baseline_m == 60
+    assert "The eyes are 60 m apart" in note
+    assert "If it is in millimetres, set rig.baseline_m to 0.06." in note
+
+
+@pytest.mark.parametrize("name", ["left", "right"])
+def test_pixels_that_are_no_squares_give_the_rig_of_the_rectified_images(tmp_path, name):
+    left, right = ros_pair(tmp_path)
+    for path in (left, right):
+        change(path, ("cols: 4\n  data: [500., 0., 320.5", "cols: 4\n  data: [480., 0., 330."),
+               ("0., 500., 240.25, 0.", "0., 480., 238., 0."))
+    assert read_rig(left, right)[0].rig.distortion_k1 == -0.3
+    change(tmp_path / f"{name}.yaml", ("0., 500., 240.25,\n", "0., 500.6, 240.25,\n"))
+    found, (note,) = read_rig(left, right)
+    rig = found.rig
+    assert rig.focal_length_mm / rig.sensor_width_mm * 640 == pytest.approx(480)
+    assert (rig.principal_x_px, rig.principal_y_px) == (pytest.approx(10.5), pytest.approx(-1.5))
+    assert rig.baseline_m == pytest.approx(100 / 480)
+    assert [rig[f"distortion_{name}"] for name in ("k1", "k2", "p1", "p2", "k3")] == [0.0] * 5
+    assert "rig of the rectified images" in note
+    assert "(fx 500, fy 500.6 px)" in note
 
 
 def test_two_kinds_of_calibration_are_refused(tmp_path, capsys):

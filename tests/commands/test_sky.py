@@ -6,8 +6,10 @@ import json
 
 import pytest
 from icymoon.commands.cli import main
+from icymoon.physics.light import ephemeris, spice
 from icymoon.physics.light.sky import sky, sky_facts
 from icymoon.settings.description import defaults, merged
+from icymoon.settings.preset_files import load_preset
 
 PLACE = ["--body", "EUROPA", "--latitude", "10", "--longitude", "331", "--date", "2035-03-01T12:00"]
 
@@ -19,13 +21,26 @@ def facts(capsys, *words) -> list[dict]:
 
 def test_it_is_the_sky_of_the_settings(capsys):
     (found,) = facts(capsys, *PLACE)
-    light = merged(defaults(), {"light": {
+    light = merged(defaults(), load_preset("bodies/europa"), {"light": {
         "directions_from": "DATE", "body": "EUROPA", "latitude_deg": 10.0, "longitude_deg": 331.0,
         "date_utc": "2035-03-01T12:00", "planet": True}}).light
     expected = sky_facts(sky(light))
     for name in ("sun", "planet"):
         for key, value in expected[name].items():
             assert found[name][key] == pytest.approx(value), (name, key)
+
+
+def test_a_body_brings_its_planet(capsys, monkeypatch):
+    """Also with kernels and after the preset of another body, where Saturn was taken for Jupiter."""
+    asked = []
+    monkeypatch.setattr(spice, "positions", lambda _, body, parent, *site: asked.append((body, parent)) or
+                        ephemeris.positions(body, *site))
+    (wanted,) = facts(capsys, "--preset", "bodies/europa", *PLACE)
+    for words in ([], ["--kernels", "any.tm"], ["--preset", "enceladus_fresh_snow"]):
+        (found,) = facts(capsys, *PLACE, *words)
+        assert found["planet"] == wanted["planet"], words
+    facts(capsys, *PLACE, "--kernels", "any.tm", "--set", "light.parent=SATURN")
+    assert asked == [("EUROPA", "JUPITER"), ("EUROPA", "SATURN")]
 
 
 def test_a_table_goes_on_through_an_eclipse(capsys):
@@ -37,6 +52,13 @@ def test_a_table_goes_on_through_an_eclipse(capsys):
     assert max(hidden) == 1
     assert 2 <= sum(share > 0 for share in hidden) <= 10  # hours of the shadow
     assert all(row["sun"]["ground_irradiance_wm2"] == 0 for row in rows if row["sun"]["eclipse"] == 1)
+
+
+def test_a_date_is_printed_in_utc(capsys):
+    (found,) = facts(capsys, *PLACE[:-1], "2035-03-01T12:00+00:00")
+    assert found["date_utc"] == "2035-03-01T12:00:00"
+    assert main(["sky", *PLACE]) == 0
+    assert "2035-03-01 12:00 " in capsys.readouterr().out
 
 
 def test_presets_and_angles_do_too(capsys):

@@ -51,6 +51,15 @@ def test_a_file_that_no_parser_takes_is_refused_by_name(tmp_path, text):
         settings.override(text.replace(" ", "").replace("a=", "terrain.size_m="))
 
 
+@pytest.mark.parametrize("date", ["2035-03-01T12:00:00+02:00", "2035-03-01T12:00:00", "2035-03-01"])
+def test_a_date_without_quotes_is_shown_as_it_stands_in_the_file(tmp_path, date):
+    file = tmp_path / "scene.toml"
+    file.write_text(f"[light]\ndate_utc = {date}\n", encoding="utf-8")
+    with pytest.raises(IcyMoonError) as caught:
+        preset_files.load(file)
+    assert str(caught.value) == f"{file}: light.date_utc must be a text in quotes, not {date}."
+
+
 def test_every_setting_says_what_it_is():
     for topic, setting in all_settings():
         assert len(setting.description) > 15, f"{topic}.{setting.key}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import shutil
 import struct
 import subprocess
@@ -224,6 +225,21 @@ def test_an_unlikely_size_is_said(tmp_path):
     positions, faces = hill()
     built = scenes.build(empty_scene(), own(write_ply(tmp_path / "a.ply", positions * 0.01, faces)))
     assert any("is 0.08 m wide" in warning and "source.scale" in warning for warning in built.warnings)
+
+
+@pytest.mark.parametrize(("size", "height_m", "doubted"), [
+    (1000.0, 1.6, True), (1.0, 1.6, False), (1000.0, 2000.0, False), (4.0, 1.6, False), (5.0, 1.6, True),
+    (1.0, 9.0, True), (0.01, 1.6, True)])
+def test_a_mesh_whose_unit_does_not_fit_the_camera_is_doubted(tmp_path, size, height_m, doubted):
+    """8 m with triangles of 1 m: in millimetres one fills the image, and a camera at 9 m sees beyond all of them."""
+    positions, faces = hill()
+    settings = description.merged(own(write_ply(tmp_path / "a.ply", positions * size, faces)),
+                                  {"rig": {"height_m": height_m}})
+    said = [warning for warning in scenes.build(empty_scene(), settings).warnings if "source.scale" in warning]
+    assert len(said) == doubted, said
+    if size == 1000.0 and doubted:
+        assert re.fullmatch(r"a\.ply is 8e\+03 m wide with triangles of \S+ m, and the camera is 1\.6 m above it; if "
+                            r"its unit is not what you meant, set source\.scale \(0\.001 for millimetres\)\.", said[0])
 
 
 def bad_inputs(folder: Path) -> dict[str, tuple[Path, dict, str]]:

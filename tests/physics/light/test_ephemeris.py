@@ -1,6 +1,7 @@
 """Where Sun and planet stand: against full theories, SPICE with kernels made here, and geometry."""
 
 import math
+import re
 import shutil
 import subprocess
 import sys
@@ -111,14 +112,51 @@ def test_up_is_the_normal_of_the_ellipsoid():
     assert max(tilts) == pytest.approx(1.88, abs=0.05)  # (a² - c²) / 2ac, at 45° on the meridian
 
 
-@pytest.mark.parametrize("text", ["", "yesterday", "2035-13-01", "2035-03-01T25:00", "2035-03-01T12:00+01:00", "NaT"])
+@pytest.mark.parametrize("text", ["", "yesterday", "NaT", "20350-03-01", "2035-3-1", "2035-03-01T12:00+99:00",
+                                  "2035-03-01T12:00 CET", "2035-03-01+02:00"])
 def test_what_is_no_date_is_said_in_a_sentence(text):
-    with pytest.raises(IcyMoonError, match=r"light\.date_utc"):
+    with pytest.raises(IcyMoonError, match=r"light\.date_utc is .*; write it as 2035-03-01T12:00:00\."):
         ephemeris.days_since_j2000(text)
+
+
+@pytest.mark.parametrize(("text", "cause", "fix"), [
+    ("2035-13-01", "a year has 12 months", "write a month from 01 to 12"),
+    ("2035-00-01T12:00", "a year has 12 months", "write a month from 01 to 12"),
+    ("2035-02-29T00:00", "2035-02 has 28 days", "write a day from 01 to 28"),
+    ("2036-02-30", "2036-02 has 29 days", "write a day from 01 to 29"),
+    ("2035-12-32T00:00+02:00", "2035-12 has 31 days", "write a day from 01 to 31"),
+    ("2035-03-01T24:00", "the hours of a day are 00 to 23", "write its end as 2035-03-02T00:00:00"),
+    ("2035-12-31 24:00:00.000Z", "the hours of a day are 00 to 23", "write its end as 2036-01-01T00:00:00"),
+    ("2035-03-01T24:01", "the hours of a day are 00 to 23", "write an hour from 00 to 23"),
+    ("2035-03-01T25:00", "the hours of a day are 00 to 23", "write an hour from 00 to 23"),
+    ("2035-03-01T12:60", "an hour has 60 minutes", "write a minute from 00 to 59"),
+    ("2035-03-01T12:00:60", "a minute has 60 seconds here", "write a second from 00 to 59")])
+def test_what_the_calendar_lacks_is_said(text, cause, fix):
+    with pytest.raises(IcyMoonError) as caught:
+        ephemeris.days_since_j2000(text)
+    assert str(caught.value) == f"light.date_utc is {text!r}, but {cause}; {fix}."
+
+
+@pytest.mark.parametrize(("text", "moment"), [
+    ("2036-05-05T01:02:03+02:00", "2036-05-04T23:02:03"), ("2035-12-31T23:30-01", "2036-01-01T00:30:00"),
+    ("2035-03-01 12:00:00.250+0530", "2035-03-01T06:30:00.250")])
+def test_the_same_moment_in_utc_is_the_fix_for_another_zone(text, moment):
+    with pytest.raises(IcyMoonError, match=re.escape(f"is not in UTC; write the same moment as {moment}.")):
+        ephemeris.parse_date(text)
+
+
+@pytest.mark.parametrize("zone", ["Z", "z", "+00:00", "-00:00", "+0000", "+00", " Z"])
+def test_utc_may_be_stated(kernels, zone):
+    """Also where SPICE reads the date."""
+    assert ephemeris.parse_date(f"2035-03-01T12:00{zone}") == ephemeris.parse_date("2035-03-01T12:00")
+    stated, plain = (spice.positions(kernels, "ENCELADUS", "SATURN", date, 0.0, 0.0)
+                     for date in (f"2035-03-01T12:00{zone}", "2035-03-01T12:00"))
+    assert np.array_equal(stated.sun, plain.sun)
 
 
 def test_dates_and_bodies():
     assert ephemeris.days_since_j2000("2000-01-01T12:00:00Z") == pytest.approx(69.184 / 86400)
+    assert ephemeris.parse_date("2035") == ephemeris.parse_date("2035-01") == ephemeris.parse_date("2035-01-01T00")
     assert ephemeris.days_since_j2000("2000-01-11") == pytest.approx(9.5 + 69.184 / 86400)
     with pytest.raises(IcyMoonError, match=r"light\.body is 'Titan'.*ENCELADUS and EUROPA"):
         ephemeris.positions("Titan", DATE, 0.0, 0.0)
@@ -249,6 +287,14 @@ def test_what_kernels_lack_is_a_sentence(kernels, body, date, words):
         spice.positions(kernels, body, "SATURN", date, 0.0, 0.0)
     assert "\n" not in str(caught.value)
     spice.positions(kernels, "ENCELADUS", "SATURN", DATE, 0.0, 0.0)  # nothing is left behind
+
+
+@pytest.mark.parametrize(("body", "parent", "planet"), [
+    ("EUROPA", "SATURN", "JUPITER"), ("Enceladus", "jupiter", "SATURN"), ("TITANIA", "SATURN", "URANUS")])
+def test_a_moon_of_another_planet_is_refused_before_data_of_that_are_asked_for(kernels, body, parent, planet):
+    """Data of the wrong planet would give its sky without a word."""
+    with pytest.raises(IcyMoonError, match=f"a moon of {planet}, but .* set light.parent to {planet}"):
+        spice.positions(kernels, body, parent, DATE, 0.0, 0.0)
 
 
 def test_missing_kernels_and_a_missing_package_are_sentences(tmp_path, monkeypatch):
