@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..physics.mesh.height_map import NO_HEIGHT
+from ..physics.mesh.height_map import NO_HEIGHT, clear_mark, clear_stated
 from ..support.foreign_bytes import ForeignBytes, parse_xml
 from ..support.foreign_bytes import read as read_foreign
 from .map_projection import (
@@ -135,16 +135,17 @@ class GeoTiff:
     place: MapPlace | None = None
 
 
-def read(path: Path, site: Site | None = None) -> GeoTiff:
+def read(path: Path, site: Site | None = None, missing: float | None = None) -> GeoTiff:
     """Read a one-band elevation model; of a large one only what the ``site`` needs.
 
-    Raises IcyMoonError with the fix where it cannot be read.
+    ``missing`` is a value of the file, before scale and unit, that means none, beside those that it marks. Raises
+    IcyMoonError with the fix where it cannot be read.
     """
-    return read_foreign(path, lambda foreign: _read(foreign, path.name, site), KIND, f"{FIX}, or copy it again",
-                        MOST_BYTES)
+    return read_foreign(path, lambda foreign: _read(foreign, path.name, site, missing), KIND,
+                        f"{FIX}, or copy it again", MOST_BYTES)
 
 
-def _read(foreign: ForeignBytes, name: str, site: Site | None) -> GeoTiff:
+def _read(foreign: ForeignBytes, name: str, site: Site | None, missing: float | None) -> GeoTiff:
     grant_memory(foreign)
     images = read_directories(foreign)
     image = images[0]
@@ -157,8 +158,11 @@ def _read(foreign: ForeignBytes, name: str, site: Site | None) -> GeoTiff:
     window = placed.window if placed else None
     heights, number = read_pixels(foreign, image, window)
     warnings = _clear_missing(heights, number, image.tags.get(42113))
+    stated: tuple[str, ...] = ()
+    if missing is not None:
+        stated = clear_stated(heights, missing, number)
     warnings += _apply_mask(heights, foreign, images, window)
-    report = _scale_to_metres(heights, image.tags, keys)
+    report = (*stated, *_scale_to_metres(heights, image.tags, keys))
     if grid is None:
         return GeoTiff(heights, None, None, "does not state the size of its pixels", report, tuple(warnings),
                        image.shape)
@@ -278,10 +282,7 @@ def _clear_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any, .
     except ValueError:
         return [f"its mark of missing heights, {text[:40]!r}, is no number, so none was taken for missing"]
     if math.isfinite(value) and abs(value) < NO_HEIGHT:
-        # The text may state a number of the file's type with fewer digits than it has.
-        with np.errstate(over="ignore", invalid="ignore"):
-            slack = 2 * float(np.spacing(number.type(abs(value)))) if number.kind == "f" else 0.0
-        grid[np.abs(grid - value) <= slack] = np.nan
+        clear_mark(grid, value, number)
     return []
 
 

@@ -23,6 +23,7 @@ from ...physics.mesh.height_surface import Surface
 from ...physics.mesh.mesh_heights import MeshGround
 from ...physics.surfaces.textures import uses_uv
 from ...physics.terrain.fine_detail import displace
+from ...settings.trust_boundary import NO_MARK
 from ...typed_settings import Settings, SourceSettings
 from ..datablocks.blend_file_paths import used_files
 from . import import_heights
@@ -249,8 +250,9 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     source, terrain = settings.source, settings.terrain
     size_m, origin_m = float(terrain.size_m), (float(source.origin_x_m), float(source.origin_y_m))
     by_hand = source.metres_per_pixel > 0  # the file's own size and place then do not count
-    read = import_heights.read_heights(path, None if by_hand else Site(bool(source.centre), origin_m, size_m))
-    values, sentences = height_map.clear_unmarked(read.values)
+    missing = None if source.missing in ("", NO_MARK) else float(source.missing)
+    read = import_heights.read_heights(path, None if by_hand else Site(bool(source.centre), origin_m, size_m), missing)
+    values, sentences = (read.values, []) if source.missing else height_map.clear_unmarked(read.values)
     known = np.isfinite(values)
     if not known.any():
         raise IcyMoonError(f"{path}: none of its {known.size} pixels is a height; check its no-data value.")

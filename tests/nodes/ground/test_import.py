@@ -400,7 +400,7 @@ def test_the_ground_of_a_geotiff_is_the_hill_that_it_states(name):
 
 
 def test_a_height_map_too_large_for_the_memory_is_named(tmp_path, monkeypatch):
-    def too_large(path, site):
+    def too_large(path, site, missing):
         raise MemoryError
     monkeypatch.setattr(import_heights.geotiff, "read", too_large)
     path = write_tiff(tmp_path / "large.tif", np.zeros((9, 9), np.float32))

@@ -162,6 +162,49 @@ def test_missing_heights_without_a_mark_are_found(tmp_path, mark, count):
     assert np.ptp(vertices[2::3]) < 11
 
 
+def save_npy(path, heights):
+    np.save(path.with_suffix(".npy"), heights)
+    return path.with_suffix(".npy")
+
+
+def save_tiff(path, heights):
+    """Heights of half a metre per value, with a mark of their own in the first pixel."""
+    values = np.rint(2 * heights).astype(np.int16)
+    values[0, 0] = -1
+    with rasterio.open(path, "w", driver="GTiff", width=64, height=64, count=1, dtype="int16", crs="EPSG:32633",
+                       nodata=-1, transform=rasterio.transform.from_origin(5e5, 7.5e6, 2, 2)) as out:
+        out.write(values, 1)
+        out.scales = (0.5,)
+    return path
+
+
+@pytest.mark.parametrize("save", [save_npy, save_tiff])
+def test_a_stated_value_is_missing_beside_the_files_own_mark(tmp_path, save):
+    """0 between heights below and above it, which nothing else finds."""
+    heights = np.rint(np.random.default_rng(1).uniform(-40, 40, (64, 64)))
+    heights[heights == 0] = 1
+    heights[5:8, 5:8] = 0
+    path = save(tmp_path / "a.tif", heights)
+    built = ground_of(path, missing="0", metres_per_pixel=2.0)
+    assert "9 pixels of 0 without a height, by source.missing" in " ".join(built.ground["report"])
+    share = 10 / 4096 if save is save_tiff else 9 / 4096
+    assert f"{share:.2%} of" in " ".join(built.warnings)
+    assert "by source.missing" not in " ".join(ground_of(path, metres_per_pixel=2.0).ground["report"])
+
+
+def test_none_keeps_heights_that_look_like_a_mark(tmp_path):
+    heights = 1500 + np.random.default_rng(1).uniform(0, 10, (64, 64))
+    heights[30:33, 30:33] = -9999.0
+    np.save(tmp_path / "a.npy", heights)
+    said = " ".join(ground_of(tmp_path / "a.npy", metres_per_pixel=2.0).warnings)
+    assert "set source.missing = none" in said
+    kept = ground_of(tmp_path / "a.npy", metres_per_pixel=2.0, missing="none")
+    assert "source.missing" not in " ".join(kept.warnings)
+    vertices = np.empty(3 * len(kept.terrain.data.vertices))
+    kept.terrain.data.vertices.foreach_get("co", vertices)
+    assert np.ptp(vertices[2::3]) > 11_000
+
+
 @pytest.mark.parametrize("heights", [
     lambda: np.random.default_rng(1).uniform(0, 10, (64, 64)), lambda: np.maximum(np.mgrid[:64, :64][0] - 20.0, 0.0),
     lambda: np.where(np.mgrid[:64, :64][0] > 60, -30.0, np.random.default_rng(1).uniform(0, 15, (64, 64))),
