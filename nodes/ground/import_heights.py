@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...formats import geotiff
+from ...formats import gdal_lines, geotiff
 from ...formats.exr_layout import KIND as EXR
 from ...formats.exr_layout import read_layout
 from ...formats.geotiff import MapPlace, Site
@@ -29,6 +29,8 @@ SUFFIXES = (".tif", ".tiff", ".npy", ".png", ".exr")
 _PNG_START, _EXR_MAGIC = b"\x89PNG\r\n\x1a\n", b"\x76\x2f\x31\x01"
 #: Pixels that a PNG or EXR file may have, and more if it is large: 4096 x 4096 take a gigabyte in Blender.
 _MOST_PIXELS, _SMALLER = 2**24, "cut out what is needed, or save it as GeoTIFF"
+#: Bytes from which a file's kind is told, and the mean radius of Earth.
+_START, _EARTH_M = 32, 6371008.8
 #: Bytes of an array; channels that a sentence names.
 _MOST_NPY, _MOST_NAMED = 2**36, 8
 
@@ -55,16 +57,20 @@ class Heights:
     stored: np.dtype[Any] = field(default_factory=lambda: np.dtype(int))
 
 
-def read_heights(path: Path, site: Site | None = None, missing: float | None = None) -> Heights:
+def read_heights(path: Path, site: Site | None = None, missing: float | None = None,
+                 body_radius_m: float = _EARTH_M) -> Heights:
     """Read a height map; of a large GeoTIFF only what the ``site`` needs.
 
-    ``missing`` is a value of the file that means none, beside those that it marks. Raises IcyMoonError if it is missing, of another kind, unreadable or too small.
+    ``missing`` is a value of the file that means none, beside those that it marks. ``body_radius_m`` is for commands
+    that convert a file in degrees. Raises IcyMoonError if it is missing, of another kind, unreadable or too small.
     """
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
+    if suffix not in (*SUFFIXES, *gdal_lines.SUFFIXES):
         raise IcyMoonError(f"{path}: is not a height map that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
-    start = read(path, lambda foreign: foreign.part(0, min(foreign.size, 8)), "a height map", "check source.file",
+    start = read(path, lambda foreign: foreign.part(0, min(foreign.size, _START)), "a height map", "check source.file",
                  geotiff.MOST_BYTES)
+    if suffix in gdal_lines.SUFFIXES:
+        raise IcyMoonError(f"{path}: {gdal_lines.advise(path, start, body_radius_m)}")
     if suffix in (".tif", ".tiff"):
         heights = _read_tiff(path, start, site, missing)
     else:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ... import compat
 from ...errors import IcyMoonError
-from ...formats import mesh_file, mesh_images
+from ...formats import gdal_lines, mesh_file, mesh_images
 from ...formats.geotiff import Site
 from ...number_text import count_of
 from ...paper_stand_ins.cached_files import find_mesh_file
@@ -82,6 +82,8 @@ def is_from_file(settings: Settings) -> bool:
 def kind_of(path: Path) -> str:
     """``source.kind`` of a file by its suffix. Raises IcyMoonError if the file cannot be a ground."""
     suffix = path.suffix.lower()
+    if suffix in gdal_lines.SUFFIXES:
+        return "HEIGHT_MAP"  # whose import names the command that makes a GeoTIFF of it
     if suffix not in SUFFIXES:
         raise IcyMoonError(f"{path}: is not a ground that Icy Moon reads; choose one of {', '.join(SUFFIXES)}.")
     return "MESH" if suffix in mesh_file.FORMATS else "HEIGHT_MAP"
@@ -251,7 +253,9 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     size_m, origin_m = float(terrain.size_m), (float(source.origin_x_m), float(source.origin_y_m))
     by_hand = source.metres_per_pixel > 0  # the file's own size and place then do not count
     missing = None if source.missing in ("", NO_MARK) else float(source.missing)
-    read = import_heights.read_heights(path, None if by_hand else Site(bool(source.centre), origin_m, size_m), missing)
+    radius_m = float(terrain.body_radius_m)
+    site = None if by_hand else Site(bool(source.centre), origin_m, size_m, radius_m)
+    read = import_heights.read_heights(path, site, missing, radius_m)
     values, sentences = (read.values, []) if source.missing else height_map.clear_unmarked(read.values)
     known = np.isfinite(values)
     if not known.any():
@@ -297,5 +301,7 @@ def _pixel_size(path: Path, read: import_heights.Heights, source: SourceSettings
     if source.metres_per_pixel > 0:
         return (source.metres_per_pixel,) * 2
     if read.pixel_m is None:
-        raise IcyMoonError(f"{path}: {read.unplaced}; set source.metres_per_pixel.")
+        # A sentence with a command ends with it.
+        fix = "" if " with: " in read.unplaced else "; set source.metres_per_pixel."
+        raise IcyMoonError(f"{path}: {read.unplaced}{fix}")
     return read.pixel_m

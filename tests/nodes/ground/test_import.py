@@ -495,10 +495,13 @@ def test_the_operator_imports_builds_and_takes_back_what_failed(scene, tmp_path)
     assert len(built.terrain.data.polygons) == 128
     from icymoon.operators.ground import report_lines
     assert any("81 vertices" in line for line in report_lines(scene))
-    for bad in ("absent.ply", "a.jpg"):
+    (tmp_path / "dem.asc").write_text("ncols 2\n")
+    for bad in ("absent.ply", "a.jpg", "dem.asc.*gdal_translate"):
         with pytest.raises(RuntimeError, match=bad):
-            bpy.ops.icymoon.import_ground(filepath=str(tmp_path / bad))
+            bpy.ops.icymoon.import_ground(filepath=str(tmp_path / bad.partition(".*")[0]))
     assert scene.icymoon.source.file == str(path)
+    shown = bpy.ops.icymoon.import_ground.get_rna_type().properties["filter_glob"].default.split(";")
+    assert {"*.ply", "*.tif", "*.asc", "*.hgt", "*.img", "*.lbl"} <= set(shown)
 
 
 @pytest.mark.heavy

@@ -28,7 +28,11 @@ MAPS = {
                                              (3e5, -math.radians(70) * EUROPA_M), 4.0),
     "Mercator": (f"+proj=merc +R={EUROPA_M} +no_defs", (2e5, 1.2e6), 3.0),
     "polar, off its parallel": (f"+proj=stere +lat_0=-90 +lat_ts=-71 +R={EUROPA_M} +no_defs", (1e5, 9e5), 2.0),
-    "degrees": ("EPSG:4326", (15.0, 50.0), 2e-5)}
+    "degrees": ("EPSG:4326", (15.0, 50.0), 2e-5),
+    "false easting": (f"+proj=tmerc +lat_0=10 +lon_0=20 +k=0.9999 +x_0=5000000 +y_0=-2000000.25 +R={EUROPA_M} +no_defs",
+                      (5.02e6, -1.98e6), 2.0),
+    "false easting in feet": (f"+proj=lcc +lat_1=30 +lat_2=40 +lat_0=35 +lon_0=15 +x_0=3e6 +y_0=1e6 +R={EUROPA_M} "
+                              "+units=us-ft +no_defs", (9.9e6, 3.3e6), 6.0)}
 
 
 def written(path, name, size=80):
@@ -222,10 +226,29 @@ def test_a_place_beyond_the_map_and_skewed_ground_are_refused_with_a_way(tmp_pat
     with rasterio.open(tmp_path / "s.tif", "w", driver="GTiff", width=9, height=9, count=1, dtype="float32", crs=crs,
                        transform=rasterio.transform.from_origin(9e5, 1.3e6, 2.0, 2.0)) as out:
         out.write(np.ones((9, 9), np.float32), 1)
-    with pytest.raises(IcyMoonError, match=r'gdalwarp -t_srs "\+proj=aeqd .*units=m" s\.tif site\.tif') as caught:
+    with pytest.raises(IcyMoonError, match=r'gdalwarp -t_srs "\+proj=aeqd .*" .* s\.tif s_new\.tif$') as caught:
         ground_of(tmp_path / "s.tif")
     srs = str(caught.value).split('"')[1]
     rasterio.crs.CRS.from_string(srs)  # PROJ understands it
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_the_stated_system_leads_from_the_origin_to_its_longitude_and_latitude(tmp_path, name):
+    """By PROJ, from the coordinates in the unit of the file and the system that are stated."""
+    path, _ = written(tmp_path / "dem.tif", name)
+    place = geotiff.read(path, Site(True, (3.0, -2.0), 40.0)).place
+    assert place is not None
+    earth = MAPS[name][0].startswith("EPSG")
+    body = "EPSG:4326" if earth else f"+proj=longlat +R={EUROPA_M} +no_defs"
+    (lon,), (lat,) = warp.transform(place.crs, body, *([at / place.unit_m] for at in place.origin))
+    # Longitude and latitude of Earth are those of a sphere.
+    assert (lon, lat) == pytest.approx((place.longitude_deg, place.latitude_deg), abs=0.25 if earth else 1e-8)
+    # The file's own system agrees to a hundredth of a millimetre, all parameters included.
+    with rasterio.open(path) as opened:
+        (x,), (y,) = warp.transform(place.crs, opened.crs, *([at / place.unit_m] for at in place.origin))
+    assert (x * place.unit_m, y * place.unit_m) == pytest.approx(place.origin, abs=1e-5)
+    wanted = f"that of {place.crs}" if name in ("UTM", "web map at 60°") else "EPSG:4326" if earth else "1560800.0"
+    assert wanted in place.datum
 
 
 def test_the_record_has_the_exact_place(tmp_path):
@@ -237,3 +260,12 @@ def test_the_record_has_the_exact_place(tmp_path):
     assert place["height_zero_m"] == pytest.approx(100.0, abs=0.01)
     assert place["latitude_deg"] == pytest.approx(60, abs=1e-4)
     assert place["longitude_deg"] == pytest.approx(8.983, abs=1e-3)
+
+
+def test_a_sentence_with_a_command_ends_with_it(tmp_path):
+    with rasterio.open(tmp_path / "f.tif", "w", driver="GTiff", width=9, height=9, count=1, dtype="float32",
+                       crs="EPSG:2263", GEOTIFF_VERSION="1.1",
+                       transform=rasterio.transform.from_origin(9e5, 1.3e5, 2.0, 2.0)) as out:
+        out.write(np.ones((9, 9), np.float32), 1)
+    with pytest.raises(IcyMoonError, match=r"with: gdal_translate .* f\.tif f_new\.tif$"):
+        ground_of(tmp_path / "f.tif")
