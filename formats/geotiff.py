@@ -7,6 +7,7 @@ values. Tags and keys: GeoTIFF 1.1 (OGC 19-008r4); GDAL_METADATA and GDAL_NODATA
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -100,6 +101,18 @@ class Site:
 #: How a point of the site's frame goes back to its map, for files that state a ``MapPlace``.
 MAP_FORMULA = ("map x = (origin[0] + x / scale[0]) / unit_m, map y = (origin[1] + y / scale[1]) / unit_m, height of "
                "the file in metres = z + height_zero_m")
+
+
+def map_facts(ground: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Where the ground of a ``pair.json`` lies on a map, with the formula for its points; empty if it lies on none."""
+    place = (ground or {}).get("map")
+    return {**place, "formula": MAP_FORMULA} if place else {}
+
+
+def map_notes(ground: Mapping[str, Any] | None) -> dict[str, str]:
+    """The same as texts by name, for the metadata of a file."""
+    place = map_facts(ground)
+    return {"map": json.dumps(place)} if place else {}
 
 
 @dataclass(frozen=True)

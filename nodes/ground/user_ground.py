@@ -14,7 +14,7 @@ import numpy as np
 from ... import compat
 from ...errors import IcyMoonError
 from ...formats import gdal_lines, mesh_file, mesh_images
-from ...formats.geotiff import Site
+from ...formats.geotiff import MapPlace, Site
 from ...number_text import count_of
 from ...paper_stand_ins.cached_files import find_mesh_file
 from ...physics.mesh import check, height_map, subdivide, texture_coordinates
@@ -53,7 +53,7 @@ class UserGround:
 
     ``surface`` gives its heights. ``report`` contains what the import found, and ``warnings`` are for the user.
     ``map_place`` is where its origin is on a map (``geotiff.MapPlace``), with ``height_zero_m``, the height of the file
-    that is z = 0; None if the file states no map.
+    that is z = 0; without a map it is where the origin is in the file's own coordinates, turned so that z is up.
     """
 
     positions: np.ndarray
@@ -195,6 +195,7 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     shift = _shift(positions, source)
     positions = positions + shift
     report.append(f"Moved by {_metres(shift)} m")
+    place = _place_in_file(shift, source.scale) if source.kind == "MESH" else None
     if uv is not None:
         uv, found = texture_coordinates.repair_coordinates(uv)
         report += found
@@ -206,7 +207,7 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
         positions, faces, uv, sentence = _with_roughness(positions, faces, uv, settings)
         report.append(sentence)
     positions = positions.astype(np.float32)
-    return UserGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings), uv)
+    return UserGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings), uv, place)
 
 
 def _with_roughness(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None,
@@ -248,6 +249,12 @@ def _shift(positions: np.ndarray, source: SourceSettings) -> np.ndarray:
     return shift
 
 
+def _place_in_file(moved_m: Any, unit_m: float = 1.0) -> dict[str, Any]:
+    """Where the origin is in a file without a map, whose coordinates in metres were moved by ``moved_m`` (3,)."""
+    east, north, up = (-float(value) for value in moved_m)
+    return MapPlace("", unit_m, (east, north), (1.0, 1.0)).to_json() | {"height_zero_m": up}
+
+
 def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[Settings], Surface]) -> UserGround:
     source, terrain = settings.source, settings.terrain
     size_m, origin_m = float(terrain.size_m), (float(source.origin_x_m), float(source.origin_y_m))
@@ -274,7 +281,7 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     else:
         surface, moved = height_map.place_map(heights, pixel, read.corner_m or (0.0, 0.0), centre=bool(source.centre),
                                               origin_m=origin_m, size_m=size_m)
-        place = None
+        place = _place_in_file(moved)
     west, east, south, north = surface.bounds_m
     extents = np.array([max(east - west, 0.0), max(north - south, 0.0), float(np.ptp(heights))])
     if east <= west or north <= south:

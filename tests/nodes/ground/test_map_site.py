@@ -13,6 +13,7 @@ import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.formats import geotiff
 from icymoon.formats.geotiff import Site
+from icymoon.nodes.ground.user_ground import load_ground
 from icymoon.nodes.scene import build
 from rendering import complete, empty_scene
 
@@ -207,6 +208,33 @@ def test_none_keeps_heights_that_look_like_a_mark(tmp_path):
     vertices = np.empty(3 * len(kept.terrain.data.vertices))
     kept.terrain.data.vertices.foreach_get("co", vertices)
     assert np.ptp(vertices[2::3]) > 11_000
+
+
+def test_a_file_without_a_map_has_its_exact_offset(tmp_path):
+    heights = 1234.5678 + np.random.default_rng(1).uniform(0, 10, (65, 65))
+    np.save(tmp_path / "a.npy", heights)
+    place = ground_of(tmp_path / "a.npy", metres_per_pixel=2.0, origin_x_m=0.12345679).ground["map"]
+    assert place["origin"] == [64.12345679, 64.0]
+    assert place["height_zero_m"] == np.median(heights)
+    assert place["crs"] == ""
+
+
+def test_a_mesh_in_map_coordinates_has_its_exact_offset(tmp_path):
+    """Vertices in feet, millions of them from the origin, in double precision."""
+    corner = np.array([[9.9e6, 3.3e6, 400.0], [9.9e6 + 40, 3.3e6, 410], [9.9e6, 3.3e6 + 40, 420],
+                       [9.9e6 + 40, 3.3e6 + 40, 450]]) + 0.123456789
+    head = ["ply", "format ascii 1.0", "element vertex 4", *(f"property double {axis}" for axis in "xyz"),
+            "element face 2", "property list uchar int vertex_indices", "end_header"]
+    rows = [*(" ".join(map(repr, map(float, vertex))) for vertex in corner), "3 0 1 2", "3 1 3 2"]
+    (tmp_path / "a.ply").write_text("\n".join([*head, *rows]) + "\n")
+    settings = complete({"source": {"kind": "MESH", "file": str(tmp_path / "a.ply"), "scale": 0.3048}})
+    ground = load_ground(settings, lambda _: None)
+    place = ground.map_place
+    assert place is not None
+    offset = np.array([*place["origin"], place["height_zero_m"]])
+    back = (ground.positions.astype(float) + offset) / place["unit_m"]
+    distance = np.linalg.norm(back[:, None] - corner[None], axis=2) * place["unit_m"]
+    assert distance.min(axis=0).max() < 1e-3
 
 
 @pytest.mark.parametrize("heights", [
