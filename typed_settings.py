@@ -84,6 +84,7 @@ class SourceSettings(Table):
     origin_x_m: float  # m
     origin_y_m: float  # m
     metres_per_pixel: float  # m
+    missing: str
     height_scale_m: float  # m
     detail: bool
     repair: bool

@@ -7,23 +7,29 @@ values. Tags and keys: GeoTIFF 1.1 (OGC 19-008r4); GDAL_METADATA and GDAL_NODATA
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..physics.mesh.height_map import NO_HEIGHT
+from ..physics.mesh.height_map import NO_HEIGHT, clear_mark, clear_stated
 from ..support.foreign_bytes import ForeignBytes, parse_xml
 from ..support.foreign_bytes import read as read_foreign
+from . import gdal_lines
 from .map_projection import (
     KNOWN,
     PROJECTION_KEYS,
+    TRUE_GRIDS,
     LocalScale,
     MapSystem,
     angle_unit,
+    crs_text,
+    datum_text,
+    ellipsoid_m,
     geographic_radius_m,
     local_scale,
     read_system,
@@ -72,17 +78,24 @@ _PROJECTED, _GEOGRAPHIC, _USER_DEFINED = 1, 2, 32767
 _POINT = 2  # value of GTRasterTypeGeoKey: coordinates are those of pixel centres
 #: Most that a turned grid may be off over its whole length, in pixels, to be taken for one along the axes.
 _SKEW_PX = 1e-3
-_STATE_UNITS = "gdal_translate -co GEOTIFF_VERSION=1.0 in.tif out.tif"
+#: The option of ``gdal_translate`` that writes the units of a system that a file states by number.
+_STATE_UNITS = "-co GEOTIFF_VERSION=1.0"
+#: Sides of the part that a command cuts out of a map, of the ground that is wanted.
+_MARGIN = 1.1
 
 
 @dataclass(frozen=True)
 class Site:
     """The part of a map that is wanted: ``size_m`` of ground around an origin, which is ``origin_m`` (east, north) of
-    ground from the middle of the map (``centre``), or else at these coordinates of the map, in metres."""
+    ground from the middle of the map (``centre``), or else at these coordinates of the map, in metres.
+
+    ``body_radius_m`` is the radius of the site's body, for a file in degrees that states none; 0 if it is not known.
+    """
 
     centre: bool
     origin_m: tuple[float, float]
     size_m: float
+    body_radius_m: float = 0.0
 
 
 #: How a point of the site's frame goes back to its map, for files that state a ``MapPlace``.
@@ -90,14 +103,27 @@ MAP_FORMULA = ("map x = (origin[0] + x / scale[0]) / unit_m, map y = (origin[1] 
                "the file in metres = z + height_zero_m")
 
 
+def map_facts(ground: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Where the ground of a ``pair.json`` lies on a map, with the formula for its points; empty if it lies on none."""
+    place = (ground or {}).get("map")
+    return {**place, "formula": MAP_FORMULA} if place else {}
+
+
+def map_notes(ground: Mapping[str, Any] | None) -> dict[str, str]:
+    """The same as texts by name, for the metadata of a file."""
+    place = map_facts(ground)
+    return {"map": json.dumps(place)} if place else {}
+
+
 @dataclass(frozen=True)
 class MapPlace:
     """Where the origin of the site is on a map, and the scale there.
 
     A point at (x, y) metres east and north of the origin has the map coordinates ``origin`` + (x / ``scale[0]``, y /
-    ``scale[1]``), in metres of the map; divided by ``unit_m`` they are in the file's unit. ``crs`` names the map
-    system, empty if the file states none that is known here. ``north_deg`` is the angle from the map's up to north,
-    clockwise.
+    ``scale[1]``), in metres of the map; divided by ``unit_m`` they are in the file's unit. ``crs`` is the map system as
+    PROJ takes it, empty if the file states none that is known here; ``datum`` its geographic system or ellipsoid, and
+    ``height_system`` the vertical system that the file states, empty if it states none. ``north_deg`` is the angle from
+    the map's up to north, clockwise.
     """
 
     crs: str
@@ -107,11 +133,14 @@ class MapPlace:
     longitude_deg: float | None = None
     latitude_deg: float | None = None
     north_deg: float = 0.0
+    datum: str = ""
+    height_system: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """For ``pair.json`` and exports."""
-        return {"crs": self.crs, "unit_m": self.unit_m, "origin": list(self.origin), "scale": list(self.scale),
-                "longitude_deg": self.longitude_deg, "latitude_deg": self.latitude_deg, "north_deg": self.north_deg}
+        return {"crs": self.crs, "datum": self.datum, "height_system": self.height_system, "unit_m": self.unit_m,
+                "origin": list(self.origin), "scale": list(self.scale), "longitude_deg": self.longitude_deg,
+                "latitude_deg": self.latitude_deg, "north_deg": self.north_deg}
 
 
 @dataclass(frozen=True)
@@ -135,30 +164,33 @@ class GeoTiff:
     place: MapPlace | None = None
 
 
-def read(path: Path, site: Site | None = None) -> GeoTiff:
+def read(path: Path, site: Site | None = None, missing: float | None = None) -> GeoTiff:
     """Read a one-band elevation model; of a large one only what the ``site`` needs.
 
-    Raises IcyMoonError with the fix where it cannot be read.
+    ``missing`` is a value of the file, before scale and unit, that means none, beside those that it marks. Raises
+    IcyMoonError with the fix where it cannot be read.
     """
-    return read_foreign(path, lambda foreign: _read(foreign, path.name, site), KIND, f"{FIX}, or copy it again",
-                        MOST_BYTES)
+    return read_foreign(path, lambda foreign: _read(foreign, site, missing), KIND, FIX, MOST_BYTES)
 
 
-def _read(foreign: ForeignBytes, name: str, site: Site | None) -> GeoTiff:
+def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> GeoTiff:
     grant_memory(foreign)
     images = read_directories(foreign)
     image = images[0]
     keys = _read_keys(image.tags)
     grid = _read_placement(image, keys)
-    unit, sentence = _unit(keys)
+    unit, sentence = _unit(keys, foreign.name, site.body_radius_m if site else 0.0)
     placed: _Placed | None = None
     if grid is not None and unit is not None:
-        placed = _place(image.shape, *grid, unit, keys, name, site)
+        placed = _place(image.shape, *grid, unit, keys, foreign.name, site)
     window = placed.window if placed else None
     heights, number = read_pixels(foreign, image, window)
     warnings = _clear_missing(heights, number, image.tags.get(42113))
+    stated: tuple[str, ...] = ()
+    if missing is not None:
+        stated = clear_stated(heights, missing, number)
     warnings += _apply_mask(heights, foreign, images, window)
-    report = _scale_to_metres(heights, image.tags, keys)
+    report = (*stated, *_scale_to_metres(heights, image, keys))
     if grid is None:
         return GeoTiff(heights, None, None, "does not state the size of its pixels", report, tuple(warnings),
                        image.shape)
@@ -167,7 +199,7 @@ def _read(foreign: ForeignBytes, name: str, site: Site | None) -> GeoTiff:
     heights = heights[:, ::-1] if east < 0 else heights
     if placed is None:
         size = f"{abs(east):g} x {abs(north):g}"
-        return GeoTiff(heights, None, None, sentence.format(size=size), report, tuple(warnings), image.shape)
+        return GeoTiff(heights, None, None, sentence.replace("{size}", size), report, tuple(warnings), image.shape)
     warnings += [*([sentence] if sentence else []), *placed.warnings]
     return GeoTiff(heights, placed.pixel_m, placed.corner_m, "", (*report, *placed.report), tuple(warnings),
                    image.shape, placed.place if site else None)
@@ -193,19 +225,19 @@ def _place(shape: tuple[int, int], step: tuple[float, float], corner: tuple[floa
     if site is None:
         return _Placed(None, size, first, MapPlace("", unit, (0.0, 0.0), (1.0, 1.0)), [], [])
     middle = first[0] + (shape[1] - 1) * size[0] / 2, first[1] + (shape[0] - 1) * size[1] / 2
-    system = read_system(keys, unit)
+    map_of = _Map(read_system(keys, unit), keys, unit, size, site.size_m, name)
+    _refuse_unknown(map_of)
     origin = site.origin_m
     if site.centre:
-        scale = _locate(system, unit, middle, name).scale
+        scale = _locate(map_of, middle).scale
         origin = middle[0] + site.origin_m[0] / scale[0], middle[1] + site.origin_m[1] / scale[1]
-    place = _locate(system, unit, origin, name)
+    place = _locate(map_of, origin)
     report: list[str] = []
     warnings: list[str] = []
-    if place.scale != (1.0, 1.0):
-        report.append(f"Map ({place.crs}) at {place.latitude_deg:.4f}° north, {place.longitude_deg:.4f}° east: a metre "
-                      f"of it is {place.scale[0]:.6g} m of ground along x, {place.scale[1]:.6g} m along y")
-    if system is None and keys.get(1024) == _PROJECTED and 3075 in keys:
-        warnings.append("its projection is not known here, so a metre of its map was taken for a metre of ground")
+    if map_of.system is not None and place.scale != (1.0, 1.0):
+        where = f"{place.latitude_deg:.4f}° north, {place.longitude_deg:.4f}° east"
+        report.append(f"Map ({map_of.system.name}) at {where}: a metre of it is {place.scale[0]:.6g} m of ground along "
+                      f"x, {place.scale[1]:.6g} m along y")
     if abs(place.north_deg) > _TURNED_DEG:
         turned = (f"orth is {place.north_deg:.1f}° clockwise of the map's up, from which azimuths and headings are "
                   "counted")
@@ -230,10 +262,42 @@ def _around(count: int, middle: float, half: float) -> range:
     return range(low, max(min(math.ceil(middle + half) + _BESIDE + 1, count), low + 2))
 
 
-def _locate(system: MapSystem | None, unit: float, at: tuple[float, float], name: str) -> MapPlace:
+@dataclass(frozen=True)
+class _Map:
+    """What a file states of its map: its projection, if it is known here, its keys, the metres of its unit, the size of
+    a pixel in metres of the map, the size of the ground that is wanted of it in metres, and the file's name."""
+
+    system: MapSystem | None
+    keys: Mapping[int, Any]
+    unit_m: float
+    pixel_m: tuple[float, float]
+    size_m: float
+    name: str
+
+
+def _refuse_unknown(map_of: _Map) -> None:
+    """Raise UnreadError for a map whose scale is not known since its projection is not."""
+    keys = map_of.keys
+    code = keys.get(3072, 0)
+    numbered = code not in (0, _USER_DEFINED)
+    if (map_of.system is not None or keys.get(1024) != _PROJECTED or code in TRUE_GRIDS
+            or not (numbered or 3075 in keys)):
+        return
+    major, minor = ellipsoid_m(keys)
+    degrees = f'"+proj=longlat +a={major!r} +b={minor!r} +no_defs"' if major else "EPSG:4326"
+    kind = f"EPSG:{code}" if numbered else f"projection {keys[3075]} of GeoTIFF"
+    raise UnreadError(f"has a map ({kind}) whose scale is not known here; set source.metres_per_pixel if it is true to "
+                      f"scale, else project it in its folder with: {gdal_lines.warp(map_of.name, f'-t_srs {degrees}')}")
+
+
+def _locate(map_of: _Map, at: tuple[float, float]) -> MapPlace:
     """A place of a map with its scale, which is 1 where that is right to a thousandth, or where it is not known."""
+    system, keys = map_of.system, map_of.keys
+    vertical = keys.get(4096, 0)
+    place = MapPlace(crs_text(keys, map_of.unit_m), map_of.unit_m, at, (1.0, 1.0), datum=datum_text(keys),
+                     height_system=f"EPSG:{vertical}" if vertical not in (0, _USER_DEFINED) else "")
     if system is None:
-        return MapPlace("", unit, at, (1.0, 1.0))
+        return place
     try:
         found = local_scale(system, *at)
     except (ValueError, OverflowError, ZeroDivisionError):
@@ -241,17 +305,27 @@ def _locate(system: MapSystem | None, unit: float, at: tuple[float, float], name
                           "source.origin_x_m and source.origin_y_m to a place on it.") from None
     if abs(found.skew_deg) > _SKEW_DEG:
         raise UnreadError(f"has a map ({system.name}) whose directions are {90 - abs(found.skew_deg):.1f}° apart at "
-                          "the origin, so its squares are none on the ground; project it with: "
-                          + warp_line(system, found, name))
+                          "the origin, so its squares are none on the ground; set source.centre with "
+                          "source.origin_x_m = source.origin_y_m = 0 for the part that you make in its folder with: "
+                          + _cut_line(map_of, system, found))
     true = max(abs(found.east - 1), abs(found.north - 1)) < _TRUE
-    return MapPlace(system.name, unit, at, (1.0, 1.0) if true else (found.east, found.north), found.longitude_deg,
-                    found.latitude_deg, found.north_deg)
+    return replace(place, scale=(1.0, 1.0) if true else (found.east, found.north), longitude_deg=found.longitude_deg,
+                   latitude_deg=found.latitude_deg, north_deg=found.north_deg)
 
 
-def warp_line(system: MapSystem, at: LocalScale, name: str) -> str:
-    """The command that makes a map of a file that is true to scale around a place."""
-    return (f'gdalwarp -t_srs "+proj=aeqd +lat_0={at.latitude_deg:.6f} +lon_0={at.longitude_deg:.6f} +R='
-            f'{system.radius_m:.1f} +units=m" {name} site.tif')
+def _cut_line(map_of: _Map, system: MapSystem, at: LocalScale) -> str:
+    """The command that makes the part of a map around a place that is wanted, true to scale."""
+    half = (map_of.size_m / 2) * _MARGIN
+    return gdal_lines.warp(map_of.name, f'-t_srs "+proj=aeqd +lat_0={at.latitude_deg:.9f} '
+                           f'+lon_0={at.longitude_deg:.9f} +R={system.radius_m:.1f} +units=m +no_defs"',
+                           f"-te {-half:g} {-half:g} {half:g} {half:g}",
+                           f"-tr {map_of.pixel_m[0] * at.east:g} {map_of.pixel_m[1] * at.north:g}")
+
+
+def _flat_system(keys: Mapping[int, Any]) -> str:
+    """The option that states the map system of a file without its vertical one."""
+    text = crs_text(keys, 1.0)
+    return f'-a_srs "{text}"' if text else ""
 
 
 def _read_keys(tags: Tags) -> dict[int, Any]:
@@ -278,10 +352,7 @@ def _clear_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any, .
     except ValueError:
         return [f"its mark of missing heights, {text[:40]!r}, is no number, so none was taken for missing"]
     if math.isfinite(value) and abs(value) < NO_HEIGHT:
-        # The text may state a number of the file's type with fewer digits than it has.
-        with np.errstate(over="ignore", invalid="ignore"):
-            slack = 2 * float(np.spacing(number.type(abs(value)))) if number.kind == "f" else 0.0
-        grid[np.abs(grid - value) <= slack] = np.nan
+        clear_mark(grid, value, number)
     return []
 
 
@@ -300,19 +371,21 @@ def _decode_text(tag: tuple[Any, ...] | None) -> str:
     return b"".join(tag or ()).split(b"\0")[0].decode("utf-8", "replace").strip()
 
 
-def _scale_to_metres(grid: np.ndarray, tags: Tags, keys: Mapping[int, Any]) -> tuple[str, ...]:
+def _scale_to_metres(grid: np.ndarray, image: Directory, keys: Mapping[int, Any]) -> tuple[str, ...]:
     """Turn the values into metres in place, by the scale, offset and unit that the file states; a report of it.
 
     Raises UnreadError if they are contradictory or of an unknown kind.
     """
-    items = _read_metadata(tags)
-    scale, offset = (_parse_finite(items.get(role, otherwise), role) for role,
+    items = _read_metadata(image)
+    scale, offset = (_parse_finite(items.get(role, otherwise), role, image.name) for role,
                      otherwise in (("scale", "1"), ("offset", "0")))
-    unit, name = _height_unit(keys, items.get("unittype", ""))
     if scale == 0:
-        raise UnreadError("states a scale of 0 for its heights, which makes it flat; fix it with: gdal_edit -scale")
-    if _is_scaled_by_third(tags):
-        raise UnreadError(f"scales its heights by the third number of ModelPixelScale; {FIX}")
+        raise UnreadError("states a scale of 0 for its heights, which makes it flat; state the right one, such as 1, "
+                          f"in its folder with: {gdal_lines.translate(image.name, _scaled(1.0, offset))}")
+    unit, name = _height_unit(keys, items.get("unittype", ""), (scale, offset), image.name)
+    if third := _third_scale(image.tags):
+        raise UnreadError("scales its heights by the third number of ModelPixelScale; state it as others do, in its "
+                          f"folder with: {gdal_lines.translate(image.name, _scaled(*third))}")
     with np.errstate(over="ignore"):
         if (scale, offset) != (1.0, 0.0):
             grid *= scale
@@ -326,69 +399,91 @@ def _scale_to_metres(grid: np.ndarray, tags: Tags, keys: Mapping[int, Any]) -> t
     return (f"The file states {name}heights of {scale:g} x value + {offset:g}, which is followed",)
 
 
-def _is_scaled_by_third(tags: Tags) -> bool:
-    """Whether the tie point and the pixel scale place heights elsewhere than at the values."""
-    third = (*tags.get(33550, ()), 0.0, 0.0, 0.0)[2]
+def _third_scale(tags: Tags) -> tuple[float, float] | None:
+    """Scale and offset of the values, where the tie point and the pixel scale place heights elsewhere than at them."""
+    third = float((*tags.get(33550, ()), 0.0, 0.0, 0.0)[2])
     _, _, from_z, _, _, to_z = (*tags.get(33922, ()), *(0.0,) * 6)[:6]
-    return third not in (0.0, 1.0) or bool(third and (from_z or to_z))
+    if third not in (0.0, 1.0) or (third and (from_z or to_z)):
+        return third, float(to_z) - float(from_z) * third
+    return None
 
 
-def _read_metadata(tags: Tags) -> dict[str, str]:
+def _scaled(scale: float, offset: float) -> str:
+    """The options of ``gdal_translate`` that state heights of scale x value + offset."""
+    return f"-a_scale {scale!r} -a_offset {offset!r}"
+
+
+def _read_metadata(image: Directory) -> dict[str, str]:
     """What GDAL_METADATA states about the first band, by role: 'scale', 'offset', 'unittype'."""
-    text = _decode_text(tags.get(42112))
-    if "<!" in text or len(text) > _MOST_METADATA:  # entities, which no writer of metadata needs
-        raise UnreadError(f"has metadata that are no plain list; {FIX}")
+    text = _decode_text(image.tags.get(42112))
+    if "<!" in text:  # entities, which no writer of metadata needs
+        raise UnreadError("has metadata that are no plain list; drop them in its folder with: "
+                          + gdal_lines.translate(image.name))
+    if len(text) > _MOST_METADATA:
+        raise UnreadError(f"has {len(text) / 1e6:.1f} MB of metadata; drop what is no scale in its folder with: "
+                          + gdal_lines.edit(image.name, "-unsetmd"))
     if not text:
         return {}
     return {item.get("role", ""): (item.text or "").strip() for item in parse_xml(text).iter("Item")
             if item.get("sample", "0") == "0"}
 
 
-def _parse_finite(text: str, role: str) -> float:
+def _parse_finite(text: str, role: str, file: str) -> float:
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise UnreadError(f"states the {role} {text[:40]!r} for its heights, which is no number; fix it with: "
-                          f"gdal_edit -{role}")
+        raise UnreadError(f"states the {role} {text[:40]!r} for its heights, which is no number; state the right one "
+                          f"in its folder with: {gdal_lines.translate(file, _scaled(1.0, 0.0))}")
     return value
 
 
-def _height_unit(keys: Mapping[int, Any], named: str) -> tuple[float, str]:
-    """Metres per unit of the heights, and their unit for a sentence, '' if the file states none."""
+def _height_unit(keys: Mapping[int, Any], named: str, scaling: tuple[float, float], file: str) -> tuple[float, str]:
+    """Metres per unit of the heights, and their unit for a sentence, '' if the file states none.
+
+    ``scaling`` is the scale and the offset of the values, and ``file`` the name for commands.
+    """
     stated = {}
     if named:
         if named.lower() not in _NAMED_M:
-            raise UnreadError(f"states its heights in {named[:40]!r}, a unit that is not known here; write metres "
-                              "into it with: gdal_edit -units m")
+            raise UnreadError(f"states its heights in {named[:40]!r}, a unit that is not known here; name the one that "
+                              f"they are in, such as m or ft, in its folder with: {gdal_lines.edit(file, '-units m')}")
         stated[named] = _NAMED_M[named.lower()]
     code, system = keys.get(4099), keys.get(4096, 0)
     if system in _DEPTHS:
+        turned = _scaled(-scaling[0], -scaling[1])
         raise UnreadError(f"holds depths (EPSG:{system}), which go down, not heights; turn their sign and drop the "
-                          "vertical system with: gdal_calc -A in.tif --calc=-A --outfile=out.tif")
+                          "vertical system in its folder with: "
+                          + gdal_lines.translate(file, turned, _flat_system(keys)))
     if code is None and system not in (0, _USER_DEFINED):
         code = _VERTICAL.get(system, 0)
     if code is not None:
         if code not in _UNITS_M:
             raise UnreadError(f"states heights by the vertical system {system} in the unit {code or 'of that system'}, "
-                              f"which are not known here; state it with: {_STATE_UNITS}")
+                              f"which are not known here; state it in its folder with: "
+                              f"{gdal_lines.translate(file, _STATE_UNITS)}")
         stated[f"EPSG unit {code}"] = _UNITS_M[code]
     if len({round(value, 9) for value in stated.values()}) > 1:
-        raise UnreadError(f"states its heights in two units, {' and '.join(stated)}; fix it with: gdal_edit -units")
+        same = next((name for name, metres in _NAMED_M.items() if math.isclose(metres, list(stated.values())[-1])), "")
+        raise UnreadError(f"states its heights in two units, {' and '.join(stated)}; "
+                          + ("if the second is right, state it twice in its folder with: "
+                             + gdal_lines.edit(file, f"-units {same}") if same else "write its heights in metres."))
     return next(((value, f"({name}) ") for name, value in stated.items()), (1.0, ""))
 
 
-def _unit(keys: Mapping[int, Any]) -> tuple[float | None, str]:
+def _unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[float | None, str]:
     """Metres per unit of the file's coordinates, and what was assumed; or None and why it is not known."""
     model, system, code = keys.get(1024, 0), keys.get(3072), keys.get(3076)
     if model == _GEOGRAPHIC:
         radius = geographic_radius_m(keys)
         if radius is None:
-            return None, "has pixels of {size} degrees on a body whose radius it does not state"
+            state = gdal_lines.translate(file, gdal_lines.sphere(body_radius_m))
+            return None, ("has pixels of {size} degrees on a body whose radius it does not state"
+                          + (f"; state it in its folder with: {state}" if body_radius_m else ""))
         return math.radians(angle_unit(keys)) * radius, ""
     if model not in (0, _PROJECTED, _USER_DEFINED):
-        return None, "has coordinates that are no map's; project it with: gdalwarp -t_srs"
+        return None, "has coordinates that are no map's"
     if code == _USER_DEFINED:
         size = keys.get(3077, math.nan)
         if isinstance(size, float) and 0 < size < math.inf:
@@ -402,7 +497,7 @@ def _unit(keys: Mapping[int, Any]) -> tuple[float | None, str]:
         return 1.0, ""
     if system not in (None, 0, _USER_DEFINED):
         return None, ("has pixels of {size} in the unit of EPSG:" + str(system) + ", which is not known here; state it "
-                      "with: " + _STATE_UNITS)
+                      "in its folder with: " + gdal_lines.translate(file, _STATE_UNITS))
     return 1.0, "it states no unit of length, so its coordinates were taken for metres"
 
 
@@ -416,13 +511,15 @@ def _read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[fl
         east, down = (float(v) for v in tags[33550][:2])
         if down < 0:
             raise UnreadError("has pixels of a negative size from north to south, which programs read in two ways; "
-                              "turn it with: gdalwarp in.tif out.tif")
+                              "write it as GDAL reads it, with its first row in the north, in its folder with: "
+                              + gdal_lines.translate(image.name))
         north = -down
         column, row, _, x, y = (float(v) for v in tags.get(33922, (0.0,) * 6)[:5])
     elif 34264 in tags:
         m = [float(v) for v in tags[34264]]
         if max(abs(m[1] * rows), abs(m[4] * columns)) > _SKEW_PX * min(abs(m[0]), abs(m[5])):
-            raise UnreadError("has a grid that is turned against north; turn it with: gdalwarp in.tif out.tif")
+            raise UnreadError("has a grid that is turned against north; turn it in its folder with: "
+                              + gdal_lines.warp(image.name))
         east, north, column, row, x, y = m[0], m[5], 0.0, 0.0, m[3], m[7]
     else:
         return None

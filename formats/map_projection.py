@@ -20,7 +20,7 @@ _EARTH_M, _WEB_M = 6371008.8, 6378137.0
 _MODEL_KEY, _PROJECTED_KEY, _METHOD_KEY, _USER_DEFINED, _GEOGRAPHIC = 1024, 3072, 3075, 32767, 2
 _GEOGRAPHIC_KEY, _SEMI_MAJOR_KEY, _SEMI_MINOR_KEY = 2048, 2057, 2058
 #: Keys that are numbers and that ``read_system`` reads.
-PROJECTION_KEYS = frozenset({1024, 2048, 2054, 2057, 2058, 2059, 3072, 3075, *range(3078, 3096)})
+PROJECTION_KEYS = frozenset({1024, 2048, 2054, 2057, 2058, 2059, 2051, 2061, 3072, 3075, *range(3078, 3096)})
 #: Geographic systems of Earth by number: WGS 84, NAD27, NAD83, ETRS89, WGS 72, GDA94, GDA2020, and others of EPSG.
 _OF_EARTH = range(4001, 5000)
 
@@ -161,6 +161,11 @@ def _conic_equal_area(s: MapSystem, x: float, y: float) -> tuple[float, float]:
     return math.atan2(sign * x, sign * (rho0 - y)) / n, math.asin((c - (rho * n) ** 2) / (2 * n))
 
 
+def _cylindrical_equal_area(s: MapSystem, x: float, y: float) -> tuple[float, float]:
+    k = math.cos(math.radians(s.parallel_deg))
+    return x / k, math.asin(y * k)
+
+
 def _checked_latitude(latitude: float) -> float:
     if not abs(latitude) <= math.pi / 2 + 1e-9:
         raise ValueError("beyond a pole")
@@ -172,6 +177,7 @@ INVERSES: dict[str, Callable[[MapSystem, float, float], tuple[float, float]]] = 
     "Mercator": _mercator, "Equidistant cylindrical": _equirectangular, "Sinusoidal": _sinusoidal,
     "Polar stereographic": _polar_stereographic, "Transverse Mercator": _transverse_mercator,
     "Lambert conformal conic": _conic_conformal, "Albers equal area": _conic_equal_area,
+    "Cylindrical equal area": _cylindrical_equal_area,
     "Stereographic": _azimuthal(lambda s, rho: 2 * math.atan(rho / (2 * s.scale))),
     "Lambert azimuthal equal area": _azimuthal(lambda s, rho: 2 * math.asin(rho / 2)),
     "Azimuthal equidistant": _azimuthal(lambda s, rho: rho), "Orthographic": _azimuthal(lambda s, rho: math.asin(rho))}
@@ -179,10 +185,13 @@ INVERSES: dict[str, Callable[[MapSystem, float, float], tuple[float, float]]] = 
 _METHODS = {1: "Transverse Mercator", 7: "Mercator", 8: "Lambert conformal conic", 9: "Lambert conformal conic",
             10: "Lambert azimuthal equal area", 11: "Albers equal area", 12: "Azimuthal equidistant",
             14: "Stereographic", 15: "Polar stereographic", 16: "Stereographic", 17: "Equidistant cylindrical",
-            21: "Orthographic", 24: "Sinusoidal"}
+            21: "Orthographic", 24: "Sinusoidal", 28: "Cylindrical equal area"}
+#: Grids of countries that are true to scale to some thousandths, although their projections are not known here.
+TRUE_GRIDS = {2056, 2154, 2180, 2193, 3006, 3057, 3067, 5514, 8088, 21781, 27700, 28992, 31287, 31370}
 #: Systems of Earth that a file may state by number only.
 KNOWN = {
     3857: MapSystem("Mercator", "EPSG:3857", _WEB_M), 3395: MapSystem("Mercator", "EPSG:3395", _WEB_M),
+    6933: MapSystem("Cylindrical equal area", "EPSG:6933", _EARTH_M, parallel_deg=30.0),
     4087: MapSystem("Equidistant cylindrical", "EPSG:4087", _WEB_M),
     3035: MapSystem("Lambert azimuthal equal area", "EPSG:3035", _EARTH_M, 10.0, 52.0, east_m=4321000.0,
                     north_m=3210000.0),
@@ -230,6 +239,72 @@ def read_system(keys: Mapping[int, Any], unit_m: float) -> MapSystem | None:
                      unit_m * stated(3082, 3086, 3090), unit_m * stated(3083, 3087, 3091))
 
 
+#: PROJ's names of projections, and the parameters of each, by the field of ``MapSystem``.
+_PROJ = {
+    "Mercator": ("merc", "lon_0=longitude_deg lat_ts=parallel_deg k=scale"),
+    "Equidistant cylindrical": ("eqc", "lon_0=longitude_deg lat_0=latitude_deg lat_ts=parallel_deg"),
+    "Sinusoidal": ("sinu", "lon_0=longitude_deg"),
+    "Polar stereographic": ("stere", "lon_0=longitude_deg lat_0=latitude_deg lat_ts=parallel_deg k=scale"),
+    "Transverse Mercator": ("tmerc", "lon_0=longitude_deg lat_0=latitude_deg k=scale"),
+    "Lambert conformal conic": ("lcc", "lon_0=longitude_deg lat_0=latitude_deg lat_1=parallel_deg lat_2=second_deg "
+                                       "k_0=scale"),
+    "Albers equal area": ("aea", "lon_0=longitude_deg lat_0=latitude_deg lat_1=parallel_deg lat_2=second_deg"),
+    "Cylindrical equal area": ("cea", "lon_0=longitude_deg lat_ts=parallel_deg"),
+    "Stereographic": ("stere", "lon_0=longitude_deg lat_0=latitude_deg k=scale"),
+    "Lambert azimuthal equal area": ("laea", "lon_0=longitude_deg lat_0=latitude_deg"),
+    "Azimuthal equidistant": ("aeqd", "lon_0=longitude_deg lat_0=latitude_deg"),
+    "Orthographic": ("ortho", "lon_0=longitude_deg lat_0=latitude_deg")}
+#: PROJ's words for geographic systems that are stated by number only.
+_PROJ_DATUMS = {4326: "+datum=WGS84", 4269: "+datum=NAD83", 4267: "+datum=NAD27", 4258: "+ellps=GRS80"}
+_GREENWICH = 8901
+
+
+def crs_text(keys: Mapping[int, Any], unit_m: float) -> str:
+    """The map system that GeoKeys state, as PROJ and GDAL take it: ``EPSG:`` and its number, or a PROJ string in the
+    unit of the file; empty if they state none, or one that is not known here."""
+    geographic = keys.get(_MODEL_KEY) == _GEOGRAPHIC
+    code = keys.get(_GEOGRAPHIC_KEY if geographic else _PROJECTED_KEY)
+    if isinstance(code, int) and code not in (0, _USER_DEFINED):
+        return f"EPSG:{code}"
+    body = _body_text(keys)
+    if geographic:
+        return f"+proj=longlat {body} +no_defs" if body else ""
+    system = read_system(keys, unit_m)
+    if system is None or not body:
+        return ""
+    name, parameters = _PROJ[system.kind]
+    stated = [(key, getattr(system, field)) for key, _, field in (each.partition("=") for each in parameters.split())]
+    # A scale and a parallel that is true to scale exclude each other.
+    kept = [f"+{key}={value!r}" for key, value in stated
+            if not (key in ("k", "k_0") and value == 1.0) and not (key == "lat_ts" and system.scale != 1.0)]
+    unit = "+units=m" if unit_m == 1.0 else f"+to_meter={unit_m!r}"
+    return " ".join([f"+proj={name}", *kept, f"+x_0={system.east_m!r} +y_0={system.north_m!r}", body, unit, "+no_defs"])
+
+
+def _body_text(keys: Mapping[int, Any]) -> str:
+    """PROJ's words for the body's ellipsoid and its prime meridian; empty if they are not known here."""
+    if keys.get(2051, _GREENWICH) not in (_GREENWICH, _USER_DEFINED):
+        return ""
+    first = f" +pm={angle_unit(keys) * keys[2061]!r}" if keys.get(2061) else ""
+    major, minor = ellipsoid_m(keys)
+    if major:
+        return f"+a={major!r} +b={minor!r}{first}"
+    code = keys.get(_GEOGRAPHIC_KEY, _USER_DEFINED)
+    return _PROJ_DATUMS[code] + first if code in _PROJ_DATUMS else ""
+
+
+def datum_text(keys: Mapping[int, Any]) -> str:
+    """The datum that GeoKeys state: ``EPSG:`` and the number of a geographic system, the half axes of the ellipsoid, or
+    that of a map system with a number; empty if they state none."""
+    code, projected = (keys.get(key, 0) for key in (_GEOGRAPHIC_KEY, _PROJECTED_KEY))
+    if code not in (0, _USER_DEFINED):
+        return f"EPSG:{code}"
+    major, minor = ellipsoid_m(keys)
+    if major:
+        return f"ellipsoid with half axes of {major!r} and {minor!r} m"
+    return f"that of EPSG:{projected}" if projected not in (0, _USER_DEFINED) else ""
+
+
 def geographic_radius_m(keys: Mapping[int, Any]) -> float | None:
     """Radius of the body whose longitudes and latitudes a file has; None if it states neither it nor one of Earth's
     systems."""
@@ -240,14 +315,20 @@ def geographic_radius_m(keys: Mapping[int, Any]) -> float | None:
 
 def _sphere_m(keys: Mapping[int, Any]) -> float:
     """Radius of the sphere with the volume of the body's ellipsoid; Earth's if the file states none."""
+    major, minor = ellipsoid_m(keys)
+    return float((major * major * minor) ** (1 / 3)) if major else _EARTH_M
+
+
+def ellipsoid_m(keys: Mapping[int, Any]) -> tuple[float, float]:
+    """Half axes of the body's ellipsoid, at the equator and at the poles; 0 if the file states none."""
     major = keys.get(_SEMI_MAJOR_KEY)
     if not (isinstance(major, float) and 0 < major < math.inf):
-        return _EARTH_M
+        return 0.0, 0.0
     minor = keys.get(_SEMI_MINOR_KEY)
     flattening = keys.get(2059)
     if not (isinstance(minor, float) and 0 < minor < math.inf):
         minor = major * (1 - 1 / flattening) if isinstance(flattening, float) and flattening > 1 else major
-    return float((major * major * minor) ** (1 / 3))
+    return major, minor
 
 
 def angle_unit(keys: Mapping[int, Any]) -> float:

@@ -11,6 +11,7 @@ OpenImageIO is of no use here: its TIFF library is built without ZSTD (measured 
 from __future__ import annotations
 
 import lzma
+import math
 import struct
 import zlib
 from collections.abc import Callable
@@ -22,12 +23,11 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..support.foreign_bytes import Budget, ForeignBytes, OverBudgetError, RefusedError, read
+from . import gdal_lines
 
-#: The fix for whatever is not read, as a command.
-FIX = "convert it with: gdal_translate -b 1 -co COMPRESS=DEFLATE in.tif out.tif"
-_CUT = "cut it with: gdal_translate -srcwin LEFT TOP WIDTH HEIGHT in.tif out.tif"
-#: How errors name the format, and the most bytes of a file, of which only the tiles are read that are needed.
-KIND, MOST_BYTES = "a whole TIFF file", 2**40
+#: How errors name the format, the fix for a torn file, which no program mends, and the most bytes of a file, of which
+#: only the tiles are read that are needed.
+KIND, FIX, MOST_BYTES = "a whole TIFF file", "copy it again from where it is whole", 2**40
 #: Largest number of pixels that are read.
 MOST_PIXELS = 2**30
 #: Memory for what is read: this much for any file, and so many bytes for each byte of a larger one. A tile may be
@@ -57,10 +57,14 @@ class UnreadError(RefusedError):
 
 @dataclass(frozen=True)
 class Directory:
-    """One image of a TIFF file: the values of its ``tags`` by number, and the byte ``order`` for struct."""
+    """One image of a TIFF file: the values of its ``tags`` by number, and the byte ``order`` for struct.
+
+    ``name`` is that of the file, for commands that convert it.
+    """
 
     tags: Tags
     order: str
+    name: str = "in.tif"
 
     def number(self, tag: int, otherwise: int) -> int:
         """First value of a tag of whole numbers."""
@@ -102,7 +106,7 @@ def read_directories(foreign: ForeignBytes) -> list[Directory]:
     while at and at not in seen and len(found) < _MOST_DIRECTORIES:
         seen.add(at)
         tags, at = _read_tags(foreign, at, order, place)
-        found.append(Directory(tags, order))
+        found.append(Directory(tags, order, foreign.name))
     if not found:
         raise ValueError("no image")
     return found
@@ -163,7 +167,8 @@ def read_pixels(foreign: ForeignBytes, image: Directory, window: tuple[range, ra
     if not (0 <= down.start < down.stop <= rows and 0 <= right.start < right.stop <= columns):
         raise ValueError(f"no window of rows {down.start} to {down.stop} and columns {right.start} to {right.stop}")
     if len(down) * len(right) > MOST_PIXELS:
-        raise UnreadError(f"has {columns} x {rows} pixels, Icy Moon reads {MOST_PIXELS} at most; {_CUT}")
+        raise UnreadError(f"has {columns} x {rows} pixels, Icy Moon reads {MOST_PIXELS} at most; "
+                          f"{_make_smaller(image, len(down) * len(right))}")
     offsets, sizes = (image.tags[k] for k in ((324, 325) if tiled else (273, 279)))
     across = -(-columns // width)
     if not len(offsets) == len(sizes) == across * -(-rows // height):
@@ -174,7 +179,8 @@ def read_pixels(foreign: ForeignBytes, image: Directory, window: tuple[range, ra
         foreign.budget.charge(_PIXEL_MEMORY * len(down) * len(right) + 3 * height * row_bytes, "pixels")
     except OverBudgetError:
         raise UnreadError(f"has {columns} x {rows} pixels in tiles of {width} x {height}, which is more than a file of "
-                          f"{foreign.size / 1e6:.2g} MB may take of memory; {_CUT}") from None
+                          f"{foreign.size / 1e6:.2g} MB may take of memory; "
+                          f"{_make_smaller(image, len(down) * len(right))}") from None
     grid = np.full((len(down), len(right)), np.nan)
     predictor, packed = image.number(317, 1), image.number(259, 1) != 1
     columns_of = [(left // width, *_overlap(left, width, right))
@@ -198,6 +204,16 @@ def read_pixels(foreign: ForeignBytes, image: Directory, window: tuple[range, ra
     return grid, number
 
 
+def _make_smaller(image: Directory, wanted: int) -> str:
+    """The fix for a file of which ``wanted`` pixels take too much memory: tiles, or coarser pixels."""
+    if _PIXEL_MEMORY * wanted <= _MEMORY // 2:
+        return f"store it in tiles, in its folder with: {gdal_lines.tile(image.name)}"
+    rows, columns = image.shape
+    width = max(2, int(math.sqrt(_MEMORY / 2 / _PIXEL_MEMORY * columns / rows)))
+    return ("make it coarser in its folder with: "
+            + gdal_lines.tile(image.name, f"-r average -outsize {min(width, columns)} 0"))
+
+
 def _overlap(start: int, size: int, wanted: range) -> tuple[slice, slice]:
     """The part of ``size`` rows (or columns) from ``start`` on that is ``wanted``: there, and in what is wanted."""
     first, last = max(start, wanted.start), min(start + size, wanted.stop)
@@ -208,19 +224,27 @@ def _number_type(image: Directory) -> np.dtype[Any]:
     """The number type of the pixels of the only band; bool for one bit. Raises UnreadError for any other kind."""
     bands = image.number(277, 1)
     if bands != 1:
-        raise UnreadError(f"has {bands} bands, a height map has one; {FIX}")
+        raise UnreadError(f"has {bands} bands, a height map has one; {_convert(image)}")
     if image.number(262, 1) == 3:
-        raise UnreadError("holds colours of a palette, not heights")
-    if image.number(266, 1) != 1 or image.number(274, 1) != 1:
-        raise UnreadError(f"is stored with its bits or its rows in reverse order; {FIX}")
+        raise UnreadError("holds colours of a palette, not heights; give a file with the numbers themselves.")
+    if image.number(274, 1) != 1:  # GDAL would copy the rows as they are
+        raise UnreadError("states that its rows or columns are in reverse order, which other programs do not read; "
+                          "save it again with its first row on top.")
+    if image.number(266, 1) != 1:
+        raise UnreadError(f"is stored with its bits in reverse order; {_convert(image)}")
     bits = image.number(258, 1)
     if bits == 1 and image.is_mask:
         return np.dtype(bool)
     kind = {1: "u", 2: "i", 3: "f", 4: "u"}.get(image.number(339, 1), "?")
     if bits % 8 or f"{kind}{bits // 8}" not in _NUMBERS:
         raise UnreadError(f"holds {bits}-bit values of a kind that Icy Moon does not read; "
-                          f"{FIX.replace('-co', '-ot Float32 -co', 1)}")
+                          f"{_convert(image, '-ot Float32')}")
     return np.dtype(f"{image.order}{kind}{bits // 8}")
+
+
+def _convert(image: Directory, *options: str) -> str:
+    """The fix for a kind of file that only GDAL reads."""
+    return f"convert it in its folder with: {gdal_lines.translate(image.name, *options)}"
 
 
 def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:
@@ -233,7 +257,8 @@ def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:
         34925: lambda block, length: lzma.LZMADecompressor(memlimit=_MOST_MEMORY_OF_UNPACKER).decompress(block, length)}
     if compression not in known:
         name = _OTHERS.get(compression, f"method {compression}")
-        raise UnreadError(f"is compressed with {name}, which Icy Moon does not read here; {FIX}")
+        raise UnreadError(f"is compressed with {name}, which Icy Moon does not read here; "
+                          f"{_convert(image)}")
     return known[compression]
 
 

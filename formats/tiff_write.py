@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import struct
 import zlib
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -22,7 +24,8 @@ _ASCII, _SHORT, _LONG, _DOUBLE = (2, "s"), (3, "H"), (4, "I"), (12, "d")
 class Place:
     """Where a north-up image lies: the size of a pixel and the outer corner of the north-west one, in metres.
 
-    ``frame`` names the coordinate system, in a sentence; ``heights`` is whether values are heights in metres.
+    ``frame`` names the coordinate system, in a sentence; ``heights`` is whether values are heights in metres. ``notes``
+    are texts by name that GDAL shows as metadata.
     """
 
     pixel_m: float
@@ -30,6 +33,7 @@ class Place:
     north_m: float
     frame: str
     heights: bool = True
+    notes: Mapping[str, str] = field(default_factory=dict)
 
 
 def encode_tiff(pixels: np.ndarray, place: Place | None = None, description: str = "") -> bytes:
@@ -68,7 +72,14 @@ def _place_tags(place: Place, floats: bool) -> dict[int, tuple[tuple[int, str], 
     return {33550: (_DOUBLE, [place.pixel_m, place.pixel_m, 0.0]),
             33922: (_DOUBLE, [0.0, 0.0, 0.0, place.west_m, place.north_m, 0.0]),
             34735: (_SHORT, list(directory)), 34737: (_ASCII, name + b"\0"),
+            **({42112: (_ASCII, _metadata(place.notes))} if place.notes else {}),
             **({42113: (_ASCII, b"nan\0")} if floats else {})}
+
+
+def _metadata(notes: Mapping[str, str]) -> bytes:
+    """GDAL_METADATA (gdal.org/drivers/raster/gtiff.html) with these texts, which GDAL escapes twice."""
+    items = "".join(f"<Item name={quoteattr(name)}>{escape(escape(text))}</Item>" for name, text in notes.items())
+    return f"<GDALMetadata>{items}</GDALMetadata>".encode() + b"\0"
 
 
 def _assemble(tags: dict[int, tuple[tuple[int, str], list[float] | bytes]], strips: list[bytes]) -> bytes:

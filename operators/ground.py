@@ -8,6 +8,7 @@ import bpy
 
 from .. import scene_properties
 from ..errors import IcyMoonError
+from ..formats import gdal_lines
 from ..nodes import scene as scenes
 from ..nodes.ground import user_ground as grounds
 from . import dialogs
@@ -32,7 +33,7 @@ class ICYMOON_OT_import_ground(dialogs.FileDialog, bpy.types.Operator):
     filepath: bpy.props.StringProperty(subtype="FILE_PATH", name="File",  # type: ignore[valid-type]
                                        description="Mesh or height map to read")
     filter_glob: bpy.props.StringProperty(  # type: ignore[valid-type]
-        default=";".join(f"*{suffix}" for suffix in grounds.SUFFIXES), options={"HIDDEN"})
+        default=";".join(f"*{suffix}" for suffix in (*grounds.SUFFIXES, *gdal_lines.SUFFIXES)), options={"HIDDEN"})
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         group = context.scene.icymoon

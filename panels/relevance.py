@@ -69,7 +69,8 @@ def is_shown(topic: str, key: str, root: Any) -> bool:
     if topic == "source" and key != "kind":
         meshes = ("MESH", "STAND_IN")
         only = {"scale": meshes, "up_axis": meshes, "repair": meshes, "metres_per_pixel": ("HEIGHT_MAP",),
-                "height_scale_m": ("HEIGHT_MAP",), "stand_in": ("STAND_IN",), "file": ("MESH", "HEIGHT_MAP")}
+                "height_scale_m": ("HEIGHT_MAP",), "missing": ("HEIGHT_MAP",), "stand_in": ("STAND_IN",),
+                "file": ("MESH", "HEIGHT_MAP")}
         return bool(group.kind in only[key] if key in only else group.kind != "PROCEDURAL")
     if topic in ("surface", "rock_surface"):
         models = {"snow_grain_m": group.ice_colour == "SNOW",

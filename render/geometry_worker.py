@@ -101,10 +101,10 @@ def write_geometry(built: Built, scene: bpy.types.Scene, folder: Path, kind: str
     The planet, its rings and stars are left out: they are no geometry of the site. Relief that is shading only, which
     no depth has, is named under ``left_out``.
     """
-    facts = frame_facts(built.settings, built.ground.get("map"))
+    facts = frame_facts(built.settings, built.ground)
     if kind == "dem":
         made = make_ground_map(built, scene, folder, cell_m)
-        facts |= write_map(made, built.settings, folder) | {"left_out": _left_out_of_maps(built.settings)}
+        facts |= write_map(made, built.settings, built.ground, folder) | {"left_out": _left_out_of_maps(built.settings)}
     else:
         meshes = _collect(scene, kind, built.settings.quality.threads)
         names = write_meshes(meshes, kind, built.settings, folder)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..files import write_atomically
-from ..formats.geotiff import MAP_FORMULA
+from ..formats.geotiff import map_facts, map_notes
 from ..formats.placed_meshes import PlacedMesh, by_kind, write_gltf, write_obj, write_ply, write_usd
 from ..formats.tiff_write import Place, encode_tiff
 from ..typed_settings import Settings
@@ -34,19 +34,23 @@ def describe_frame(settings: Settings) -> str:
             "origin at the origin of the site")
 
 
-def frame_facts(settings: Settings, place: dict[str, Any] | None) -> dict[str, Any]:
-    """The site's frame, for a file beside those of the ground; ``place`` is where it lies on a map, if on any."""
+def frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str, Any]:
+    """The site's frame, for a file beside those of the ground; ``ground`` is its report, with its place on a map."""
+    place = map_facts(ground)
     zero = (f"the height {place['height_zero_m']!r} m of the ground's file" if place else
-            "the plane z = 0 of the ground's settings or file, not a datum of the body")
+            "the plane z = 0 of the ground's settings, not a datum of the body")
     return {"frame": describe_frame(settings), "axes": _AXES, "unit": "m", "height_zero": zero,
-            **({"map": place | {"formula": MAP_FORMULA}} if place else {})}
+            **({"map": place} if place else {})}
 
 
-def write_map(made: GroundMap, settings: Settings, folder: Path) -> dict[str, Any]:
-    """Write the files of ``MAPS``, float32 GeoTIFF with NaN where there is no ground; facts about them."""
-    extent = made.extent
+def write_map(made: GroundMap, settings: Settings, ground: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Write the files of ``MAPS``, float32 GeoTIFF with NaN where there is no ground; facts about them.
+
+    Their metadata ``map`` is the place that ``ground`` states, as JSON.
+    """
+    extent, notes = made.extent, map_notes(ground)
     for (name, text), values in zip(MAPS.items(), (made.ground_m, made.surface_m, made.albedo), strict=True):
-        place = Place(extent.cell_m, extent.west_m, extent.north_m, describe_frame(settings), values.ndim == 2)
+        place = Place(extent.cell_m, extent.west_m, extent.north_m, describe_frame(settings), values.ndim == 2, notes)
         _write(folder / name, encode_tiff(np.ascontiguousarray(values, np.float32), place, text))
     return {"files": MAPS, "cell_m": extent.cell_m, "rows": extent.rows, "columns": extent.columns,
             "west_m": extent.west_m, "north_m": extent.north_m, "nodata": "NaN",

@@ -90,6 +90,8 @@ def _checked_list(setting: Setting, value: Any, name: str, where: str, stored: b
 def _checked(setting: Setting, value: Any, name: str, where: str, stored: bool) -> Value:
     if setting.kind == "list":
         return _checked_list(setting, value, name, where, stored)
+    if setting.trust == "mark" and isinstance(value, (int, float)) and not isinstance(value, bool):
+        value = repr(value)
     expected = {"float": "a number", "int": "a whole number", "bool": "true or false",
                 "text": "a text in quotes", "choice": "a text in quotes"}[setting.kind]
     right_type = {"float": isinstance(value, (int, float)) and not isinstance(value, bool),

@@ -34,6 +34,7 @@ class SourceOverrides(TypedDict, total=False):
     origin_x_m: float  # m
     origin_y_m: float  # m
     metres_per_pixel: float  # m
+    missing: str
     height_scale_m: float  # m
     detail: bool
     repair: bool

@@ -379,6 +379,9 @@ SOURCE = Topic("source", "Ground from a File", "Source of the ground: generated,
     _metres("metres_per_pixel", "Metres per Pixel", 0.0, 0.0, 1.0e5, (0.0, 100.0),
             "Size of a pixel of the height map; 0 for the size that a GeoTIFF contains", "geometry",
             zero="file's"),
+    Setting("missing", "Missing Height", "", "Value of the height map, before its scale and unit, that means that a "
+            "height is missing, such as -9999, beside those that the file marks. If it is empty, values far from all "
+            "others are taken for missing; with none they are heights", "geometry", trust="mark"),
     Setting("height_scale_m", "Metres per Value", 1.0,
             "Metres per unit of the values of the height map; for PNG, metres per grey level. It multiplies the unit "
             "and scale that a GeoTIFF contains", "geometry", "m",

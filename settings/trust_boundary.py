@@ -13,15 +13,18 @@ Moon.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 
 #: Classes of texts in settings. None of them is a program.
 CLASSES = {"name": "A name or a date that is looked up", "read": "A file that is read as data",
-           "written": "A folder that results are written to",
+           "written": "A folder that results are written to", "mark": "A number that stands for what is missing",
            "matchers": "Names of matchers with their numbers and choices, no program or file"}
 #: Options of matchers that name what is run or loaded; only the user gives them.
 LOADS = ("command", "checkpoint", "python", "model")
+#: What a mark is called where nothing is missing, even if it looks so.
+NO_MARK = "none"
 #: Prefix of a matcher that the user has set up, as in own:mine.
 OWN = "own"
 OWN_NAME = re.compile(r"[A-Za-z0-9_-]{1,40}")
@@ -46,6 +49,8 @@ def own_names(text: str) -> list[str]:
 
 def fault(kind: str, text: str) -> str:
     """Why settings may not contain this text of one of the ``CLASSES``; empty if they may."""
+    if kind == "mark" and text not in ("", NO_MARK) and not _is_finite(text):
+        return f"is {text[:40]!r}, which is no number; give one such as -9999, {NO_MARK}, or an empty text."
     if kind != "matchers":
         return ""
     loaded = next(iter(_loaded(option for _, options in listed(text) for option in options)), "")
@@ -53,6 +58,13 @@ def fault(kind: str, text: str) -> str:
         return ""
     return (f"names a {loaded}, which only you may, not a scene or a file: add it under Own Matchers in the "
             f"preferences of Icy Moon and write {OWN}:NAME, or give it to a command line's --methods.")
+
+
+def _is_finite(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
 
 
 def _loaded(options: Iterable[str]) -> Iterable[str]:

@@ -221,7 +221,7 @@ def _write_maps(workspace: Workspace, found: Maps, numbers: Mapping[str, Any], o
     for kind, picture in drawn.items():
         write_png(folder / f"{name}_{kind}.png",
                   pictures.with_ring(picture, chosen, found.dem.height_m.shape, site.disc_m, grid.cell_m))
-    write_bytes(folder / f"{name}_dem.tif", found.dem.geotiff())
+    write_bytes(folder / f"{name}_dem.tif", found.dem.geotiff(workspace.pair.data.get("ground")))
     for kind, values in (("dem", found.dem.height_m), ("suitability", found.sites.margin),
                          ("slope", found.sites.layers.slope_deg), ("pads", found.pads)):
         write_bytes(folder / f"{name}_{kind}.npy", _npy(values))
@@ -243,7 +243,7 @@ def _write_facts(workspace: Workspace, out: Path, key: str) -> None:
     folder = out / "pairs" / name
     write_png(folder / "left.png", prepared.left)
     write_png(folder / "truth_sites.png", pictures.code_picture(truth, workspace.reached))
-    write_bytes(folder / "truth_dem.tif", truth.dem.geotiff())
+    write_bytes(folder / "truth_dem.tif", truth.dem.geotiff(workspace.pair.data.get("ground")))
     write_bytes(folder / "truth_dem.npy", _npy(truth.dem.height_m))
     write_bytes(folder / "truth_suitability.npy", _npy(truth.sites.margin))
     write_bytes(folder / "reach.npy", _npy(workspace.reached))

@@ -160,10 +160,10 @@ class Cursor:
 
 
 class ForeignBytes:
-    """A file, or bytes from within one, and what reading it may take."""
+    """A file, or bytes from within one, and what reading it may take. ``name`` is the file's, for commands on it."""
 
-    def __init__(self, source: bytes | IO[bytes], size: int, budget: Budget) -> None:
-        self._source, self.size, self.budget = source, size, budget
+    def __init__(self, source: bytes | IO[bytes], size: int, budget: Budget, name: str = "in.tif") -> None:
+        self._source, self.size, self.budget, self.name = source, size, budget, name
         self._readable = _MOST_READINGS * size + 2**16
 
     def part(self, start: int, count: int) -> bytes:
@@ -223,7 +223,7 @@ def read(path: Path, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: st
             raise IcyMoonError(f"{path} has {size / 1e6:.0f} MB, and {most / 1e6:g} MB are the most that is read; make "
                                "it smaller.")
         with explained(path, kind, fix):
-            return parse(ForeignBytes(stream, size, Budget(memory)))
+            return parse(ForeignBytes(stream, size, Budget(memory), path.name))
 
 
 def parse_part(data: bytes, where: object, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: str,

@@ -7,20 +7,21 @@ called Y.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...formats import geotiff
+from ...formats import gdal_lines, geotiff
 from ...formats.exr_layout import KIND as EXR
 from ...formats.exr_layout import read_layout
 from ...formats.geotiff import MapPlace, Site
 from ...formats.image_size import check_pixels
 from ...formats.png import check_png
-from ...physics.mesh.height_map import NO_HEIGHT
+from ...physics.mesh.height_map import NO_HEIGHT, clear_stated
 from ...support.foreign_bytes import ForeignBytes, RefusedError, explained, parse_npy, read
 from .import_mesh import open_scratch_scene
 
@@ -28,6 +29,8 @@ SUFFIXES = (".tif", ".tiff", ".npy", ".png", ".exr")
 _PNG_START, _EXR_MAGIC = b"\x89PNG\r\n\x1a\n", b"\x76\x2f\x31\x01"
 #: Pixels that a PNG or EXR file may have, and more if it is large: 4096 x 4096 take a gigabyte in Blender.
 _MOST_PIXELS, _SMALLER = 2**24, "cut out what is needed, or save it as GeoTIFF"
+#: Bytes from which a file's kind is told, and the mean radius of Earth.
+_START, _EARTH_M = 32, 6371008.8
 #: Bytes of an array; channels that a sentence names.
 _MOST_NPY, _MOST_NAMED = 2**36, 8
 
@@ -39,7 +42,8 @@ class Heights:
     Their unit is metres for a GeoTIFF, otherwise that of the file. ``pixel_m`` (east, north) and ``corner_m`` (centre
     of the lower left pixel) are from the file, or None; then ``unplaced`` is the reason, as the end of a sentence.
     ``report`` contains other facts from the file, and ``warnings`` are for the user. ``file_shape`` is that of the
-    whole file, and ``place`` where the site is on a map; then ``corner_m`` is from the site's origin.
+    whole file, and ``place`` where the site is on a map; then ``corner_m`` is from the site's origin. ``stored`` is the
+    type of the file's numbers.
     """
 
     values: np.ndarray
@@ -50,32 +54,40 @@ class Heights:
     warnings: tuple[str, ...] = ()
     file_shape: tuple[int, int] | None = None
     place: MapPlace | None = None
+    stored: np.dtype[Any] = field(default_factory=lambda: np.dtype(int))
 
 
-def read_heights(path: Path, site: Site | None = None) -> Heights:
+def read_heights(path: Path, site: Site | None = None, missing: float | None = None,
+                 body_radius_m: float = _EARTH_M) -> Heights:
     """Read a height map; of a large GeoTIFF only what the ``site`` needs.
 
-    Raises IcyMoonError if it is missing, of another kind, unreadable or too small.
+    ``missing`` is a value of the file that means none, beside those that it marks. ``body_radius_m`` is for commands
+    that convert a file in degrees. Raises IcyMoonError if it is missing, of another kind, unreadable or too small.
     """
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
+    if suffix not in (*SUFFIXES, *gdal_lines.SUFFIXES):
         raise IcyMoonError(f"{path}: is not a height map that Icy Moon reads; give one of {', '.join(SUFFIXES)}.")
-    start = read(path, lambda foreign: foreign.part(0, min(foreign.size, 8)), "a height map", "check source.file",
+    start = read(path, lambda foreign: foreign.part(0, min(foreign.size, _START)), "a height map", "check source.file",
                  geotiff.MOST_BYTES)
+    if suffix in gdal_lines.SUFFIXES:
+        raise IcyMoonError(f"{path}: {gdal_lines.advise(path, start, body_radius_m)}")
     if suffix in (".tif", ".tiff"):
-        heights = _read_tiff(path, start, site)
+        heights = _read_tiff(path, start, site, missing)
     else:
         heights = {".npy": _read_npy, ".png": _read_png, ".exr": _read_exr}[suffix](path, start)
+        if missing is not None:
+            sentences = clear_stated(heights.values, missing, heights.stored)
+            heights = replace(heights, report=(*heights.report, *sentences))
     if min(heights.values.shape) < 2:
         rows, columns = heights.values.shape
         raise IcyMoonError(f"{path}: has {columns} x {rows} pixels; a height map needs at least 2 x 2.")
     return heights
 
 
-def _read_tiff(path: Path, start: bytes, site: Site | None) -> Heights:
+def _read_tiff(path: Path, start: bytes, site: Site | None, missing: float | None) -> Heights:
     if start[:4] not in (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"):
         raise IcyMoonError(f"{path}: is not a TIFF file, despite its name.")
-    tiff = geotiff.read(path, site)
+    tiff = geotiff.read(path, site, missing)
     return Heights(tiff.heights_m, tiff.pixel_m, tiff.corner_m, tiff.unplaced, tiff.report, tiff.warnings,
                    tiff.file_shape, tiff.place)
 
@@ -89,7 +101,8 @@ def _read_npy(path: Path, start: bytes) -> Heights:
         return values
 
     fix = "save the numbers by numpy.save as an array (rows, columns), north first"
-    return Heights(_mask_missing(read(path, parse, "an array of numbers", fix, _MOST_NPY).astype(np.float64)))
+    values = read(path, parse, "an array of numbers", fix, _MOST_NPY)
+    return Heights(_mask_missing(values.astype(np.float64)), stored=values.dtype)
 
 
 def _read_png(path: Path, start: bytes) -> Heights:
@@ -123,7 +136,7 @@ def _read_exr(path: Path, start: bytes) -> Heights:
 
     # Blender crashes on an incomplete file.
     read(path, parse, EXR, "save it again whole, in scan lines")
-    return Heights(_mask_missing(_load_pixels(path).astype(np.float64)))
+    return Heights(_mask_missing(_load_pixels(path).astype(np.float64)), stored=np.dtype(np.float32))
 
 
 def _shown(name: str) -> str:

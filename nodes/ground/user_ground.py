@@ -13,8 +13,8 @@ import numpy as np
 
 from ... import compat
 from ...errors import IcyMoonError
-from ...formats import mesh_file, mesh_images
-from ...formats.geotiff import Site
+from ...formats import gdal_lines, mesh_file, mesh_images
+from ...formats.geotiff import MapPlace, Site
 from ...number_text import count_of
 from ...paper_stand_ins.cached_files import find_mesh_file
 from ...physics.mesh import check, height_map, subdivide, texture_coordinates
@@ -23,6 +23,7 @@ from ...physics.mesh.height_surface import Surface
 from ...physics.mesh.mesh_heights import MeshGround
 from ...physics.surfaces.textures import uses_uv
 from ...physics.terrain.fine_detail import displace
+from ...settings.trust_boundary import NO_MARK
 from ...typed_settings import Settings, SourceSettings
 from ..datablocks.blend_file_paths import used_files
 from . import import_heights
@@ -56,7 +57,7 @@ class UserGround:
 
     ``surface`` gives its heights. ``report`` contains what the import found, and ``warnings`` are for the user.
     ``map_place`` is where its origin is on a map (``geotiff.MapPlace``), with ``height_zero_m``, the height of the file
-    that is z = 0; None if the file states no map.
+    that is z = 0; without a map it is where the origin is in the file's own coordinates, turned so that z is up.
     """
 
     positions: np.ndarray
@@ -85,6 +86,8 @@ def is_from_file(settings: Settings) -> bool:
 def kind_of(path: Path) -> str:
     """``source.kind`` of a file by its suffix. Raises IcyMoonError if the file cannot be a ground."""
     suffix = path.suffix.lower()
+    if suffix in gdal_lines.SUFFIXES:
+        return "HEIGHT_MAP"  # whose import names the command that makes a GeoTIFF of it
     if suffix not in SUFFIXES:
         raise IcyMoonError(f"{path}: is not a ground that Icy Moon reads; choose one of {', '.join(SUFFIXES)}.")
     return "MESH" if suffix in mesh_file.FORMATS else "HEIGHT_MAP"
@@ -207,6 +210,7 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
     shift = _shift(positions, source)
     positions = positions + shift
     report.append(f"Moved by {_metres(shift)} m")
+    place = _place_in_file(shift, source.scale) if source.kind == "MESH" else None
     if uv is not None:
         uv, found = texture_coordinates.repair_coordinates(uv)
         report += found
@@ -218,7 +222,7 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
         positions, faces, uv, sentence = _with_roughness(positions, faces, uv, settings)
         report.append(sentence)
     positions = positions.astype(np.float32)
-    return UserGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings), uv)
+    return UserGround(positions, faces, MeshGround(positions, faces), tuple(report), tuple(warnings), uv, place)
 
 
 def _with_roughness(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray | None,
@@ -260,12 +264,21 @@ def _shift(positions: np.ndarray, source: SourceSettings) -> np.ndarray:
     return shift
 
 
+def _place_in_file(moved_m: Any, unit_m: float = 1.0) -> dict[str, Any]:
+    """Where the origin is in a file without a map, whose coordinates in metres were moved by ``moved_m`` (3,)."""
+    east, north, up = (-float(value) for value in moved_m)
+    return MapPlace("", unit_m, (east, north), (1.0, 1.0)).to_json() | {"height_zero_m": up}
+
+
 def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[Settings], Surface]) -> UserGround:
     source, terrain = settings.source, settings.terrain
     size_m, origin_m = float(terrain.size_m), (float(source.origin_x_m), float(source.origin_y_m))
     by_hand = source.metres_per_pixel > 0  # the file's own size and place then do not count
-    read = import_heights.read_heights(path, None if by_hand else Site(bool(source.centre), origin_m, size_m))
-    values, sentences = height_map.clear_unmarked(read.values)
+    missing = None if source.missing in ("", NO_MARK) else float(source.missing)
+    radius_m = float(terrain.body_radius_m)
+    site = None if by_hand else Site(bool(source.centre), origin_m, size_m, radius_m)
+    read = import_heights.read_heights(path, site, missing, radius_m)
+    values, sentences = (read.values, []) if source.missing else height_map.clear_unmarked(read.values)
     known = np.isfinite(values)
     if not known.any():
         raise IcyMoonError(f"{path}: none of its {known.size} pixels is a height; check its no-data value.")
@@ -283,7 +296,7 @@ def _load_height_map(path: Path, settings: Settings, make_procedural: Callable[[
     else:
         surface, moved = height_map.place_map(heights, pixel, read.corner_m or (0.0, 0.0), centre=bool(source.centre),
                                               origin_m=origin_m, size_m=size_m)
-        place = None
+        place = _place_in_file(moved)
     west, east, south, north = surface.bounds_m
     extents = np.array([max(east - west, 0.0), max(north - south, 0.0), float(np.ptp(heights))])
     if east <= west or north <= south:
@@ -310,5 +323,7 @@ def _pixel_size(path: Path, read: import_heights.Heights, source: SourceSettings
     if source.metres_per_pixel > 0:
         return (source.metres_per_pixel,) * 2
     if read.pixel_m is None:
-        raise IcyMoonError(f"{path}: {read.unplaced}; set source.metres_per_pixel.")
+        # A sentence with a command ends with it.
+        fix = "" if " with: " in read.unplaced else "; set source.metres_per_pixel."
+        raise IcyMoonError(f"{path}: {read.unplaced}{fix}")
     return read.pixel_m

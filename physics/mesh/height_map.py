@@ -132,6 +132,22 @@ def _double(coarse: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     return coarse
 
 
+def clear_mark(values: np.ndarray, mark: float, number: np.dtype[Any]) -> int:
+    """Make NaN in place what is ``mark``, and count it. ``number`` is the type of the file's values, and a mark may be
+    stated with fewer digits than they have."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        slack = 2 * float(np.spacing(number.type(abs(mark)))) if number.kind == "f" else 0.0
+        found = np.abs(values - mark) <= slack
+    values[found] = np.nan
+    return int(found.sum())
+
+
+def clear_stated(values: np.ndarray, mark: float, number: np.dtype[Any]) -> tuple[str, ...]:
+    """Clear a mark that the settings state, see ``clear_mark``; a sentence on it."""
+    count = clear_mark(values, mark, number)
+    return (f"{count} pixel{'s' * (count != 1)} of {mark:g} without a height, by source.missing",)
+
+
 def clear_unmarked(values: np.ndarray) -> tuple[np.ndarray, list[str]]:
     """Heights with NaN where a value looks like a mark of missing ones that the file does not state, and sentences.
 
@@ -152,7 +168,7 @@ def clear_unmarked(values: np.ndarray) -> tuple[np.ndarray, list[str]]:
         if gap > _ALONE * float(np.ptp(others)) and count < _MOST_MARKED * known.sum():
             values = np.where(values == mark, np.nan, values)
             sentences.append(f"{count} pixel{'s' * (count != 1)} of exactly {mark:g}, {gap:.4g} from all other "
-                             "heights, were taken for missing; if they are not, change one of them a little")
+                             "heights, were taken for missing; if they are not, set source.missing = none")
     return values, sentences
 
 

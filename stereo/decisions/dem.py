@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...formats.geotiff import map_notes
 from ...formats.tiff_write import Place, encode_tiff
 from ...render.pairs.pair_folder import StereoCamera
 from ...support.foreign_bytes import MOST_BYTES, ForeignBytes, RefusedError, parse_npy, read
@@ -63,10 +64,14 @@ class Dem:
         """Boolean (rows, columns): the height is known."""
         return np.isfinite(self.height_m)
 
-    def geotiff(self) -> bytes:
-        """The heights as the bytes of a GeoTIFF in the site's frame."""
+    def geotiff(self, ground: Mapping[str, Any] | None = None) -> bytes:
+        """The heights as the bytes of a GeoTIFF in the site's frame.
+
+        Its metadata ``map`` is the place on a map that the entry ``ground`` of a ``pair.json`` states, as JSON.
+        """
         grid = self.grid
-        return encode_tiff(self.height_m.astype(np.float32), Place(grid.cell_m, grid.west_m, grid.north_m, _FRAME))
+        place = Place(grid.cell_m, grid.west_m, grid.north_m, _FRAME, notes=map_notes(ground))
+        return encode_tiff(self.height_m.astype(np.float32), place)
 
 
 def read_cells(path: Path, shape: tuple[int, ...], fix: str) -> np.ndarray:

@@ -22,6 +22,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...files import write_json, write_text
+from ...formats.geotiff import map_facts
 from ...physics.light.planetshine import VisibleCap, irradiance_wm2
 from ...physics.light.sky import Sky, sky
 from ...physics.surfaces.hapke import porosity_factor
@@ -91,7 +92,8 @@ def write_scene(pair: Pair, folder: Path) -> Path:
     for eye in EYES:
         write_text(folder / f"scene_{eye}.xml", _to_xml({**shared, "sensor": _camera(pair, eye)}))
     write_json(folder / "export.json", {"pair": pair.id, "meshes": meshes, "left_out": left_out,
-                                        "unit": "W/(m² sr)"})
+                                        "unit": "W/(m² sr)",
+                                        **({"map": place} if (place := map_facts(pair.data.get("ground"))) else {})})
     return folder
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +25,13 @@ def write_points(path: Path, prepared: Prepared, disparity: np.ndarray) -> None:
 
     Normals point to the camera. ``error_m`` is the measured minus the true depth, NaN where there is no true one.
     ``size_m`` is the width of the pixels that a point stands for. A comment ``missing N`` gives the number of points
-    where nothing was measured. The pair must have a ``pose_of``.
+    where nothing was measured, and ``map {...}`` the place on a map in JSON. The pair must have a ``pose_of``.
     """
     points = measured_points(prepared, disparity)
     properties = [f"property {_KINDS[_LAYOUT[name].str[1:]]} {name}" for name in _LAYOUT.names or ()]
+    place = prepared.facts.get("map")
     header = ["ply", "format binary_little_endian 1.0", "comment Icy Moon: error_m is measured minus true depth",
+              *([f"comment map {json.dumps(place)}"] if place else []),
               f"comment missing {missing_points(prepared, disparity)}",
               f"element vertex {len(points)}", *properties, "end_header"]
     write_bytes(path, "".join(f"{line}\n" for line in header).encode("ascii") + points.tobytes())

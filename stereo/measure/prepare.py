@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...formats.geotiff import map_facts
 from ...labels import LIGHT_GROUPS, NOT_SEEN
 from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import (
@@ -220,4 +221,5 @@ def _facts(pair: Pair, settings: Settings, images: Images, truth: np.ndarray, vi
             **exposure_facts(images),
             "true": float(known.mean()), "visible": float(visible.sum() / known.sum()) if some else None,
             "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))] if some else None,
-            "settings": settings, "rendered": {key: pair.data[key] for key in _REPEATED if key in pair.data}}
+            "settings": settings, "rendered": {key: pair.data[key] for key in _REPEATED if key in pair.data},
+            **({"map": place} if (place := map_facts(pair.data.get("ground"))) else {})}

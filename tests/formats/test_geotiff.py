@@ -20,7 +20,7 @@ SURVEY_FOOT_M = 1200 / 3937
 #: Step of the stored values in metres, of those that are whole numbers; floats round to half of 2^-23 of themselves.
 STEPS_M = {"scaled": 0.004, "lzw_words": 0.004, "packbits": 0.004, "long_words": 0.001}
 HALF_STEPS = {"half_floats": 2.0**-10}  # GDAL cuts them off, which is a whole step
-REFUSED = {"unit_unknown": r"furlong.*gdal_edit -units", "depths": r"depths \(EPSG:5715\)",
+REFUSED = {"unit_unknown": r"furlong.*gdal_edit\.py -units m unit_unknown", "depths": r"depths \(EPSG:5715\)",
            "lerc": "LERC.*gdal_translate"}
 UNPLACED = {"feet_by_number": r"EPSG:2263.*GEOTIFF_VERSION=1\.0"}
 NAMES = sorted(path.stem for path in DATA.glob("*.tif"))
@@ -121,9 +121,9 @@ def test_a_mark_is_that_number_and_no_height_beside_it(tmp_path, sign):
     ({"keys": {4099: 9002}, "metadata": METADATA.format(1, '<Item name="U" sample="0" role="unittype">m</Item>')},
      "two units"),
     ({"keys": {4099: 9999}}, "9999"), ({"keys": {4096: 1234}}, "1234"),
-    ({"pixel": (2.0, -3.0)}, "negative size.*gdalwarp"), ({"scale_z": 2.0}, "third number"),
+    ({"pixel": (2.0, -3.0)}, "negative size.*gdal_translate"), ({"scale_z": 2.0}, "third number"),
     ({"matrix": (2.0, 0.1, 0, 0, 0.1, -3.0, 0, 0, *(0.0,) * 7, 1.0)}, "turned.*gdalwarp"),
-    ({"extra": {274: (3,)}}, "reverse order"), ({"extra": {262: (3,)}}, "palette")], ids=str)
+    ({"extra": {274: (3,)}}, "reverse order.*first row on top"), ({"extra": {262: (3,)}}, "palette")], ids=str)
 def test_contradictions_and_unknown_things_are_refused(tmp_path, options, words):
     with pytest.raises(IcyMoonError, match=words):
         geotiff.read(small(tmp_path, **options))

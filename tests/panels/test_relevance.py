@@ -143,10 +143,10 @@ CASES = [
     ("hills", {}, "only", {"rms_slope_deg"}), ("hills", {"hills": {"rms_slope_deg": 1.0}}, "but", set()),
     ("hills", {"hills": {"rms_slope_deg": 1.0}, "mesh": {"kind": "GRID"}}, "only", set()),
     ("source", {}, "only", {"kind"}),
-    ("source", {"source": {"kind": "STAND_IN"}}, "but", {"metres_per_pixel", "height_scale_m", "file"}),
+    ("source", {"source": {"kind": "STAND_IN"}}, "but", {"metres_per_pixel", "height_scale_m", "missing", "file"}),
     ("textures", {"textures": {"set": "STAND_IN"}}, "but", {
         "albedo_file", "roughness_file", "normal_file", "transmission_file", "height_file"}),
-    ("source", {"source": {"kind": "MESH"}}, "but", {"metres_per_pixel", "height_scale_m", "stand_in"}),
+    ("source", {"source": {"kind": "MESH"}}, "but", {"metres_per_pixel", "height_scale_m", "missing", "stand_in"}),
     ("source", {"source": {"kind": "HEIGHT_MAP"}}, "but", {"scale", "up_axis", "repair", "stand_in"}),
     ("surface", {}, "but", {"lommel_seeliger_share", *IDLE}),
     ("surface", {"surface": {"subsurface_weight": 0.1, "salt_share": 0.1, "albedo_variation": 0.1,

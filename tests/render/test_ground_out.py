@@ -160,3 +160,46 @@ def test_a_file_in_the_way_is_a_sentence(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(IcyMoonError, match="file"):
         run_job({"settings": SMALL}, tmp_path / "file", lambda *a, **k: None, "ply")
+
+
+@pytest.mark.parametrize("kind", ["dem", "ply", "obj", "usd", "gltf"])
+def test_points_of_every_ground_export_go_back_to_the_map_within_a_millimetre(tmp_path, kind):
+    """A plane on a map far from its origin, under a turned camera: each point has the height of its map coordinates."""
+    rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")
+    trimesh = pytest.importorskip("trimesh", reason="pip install trimesh, which only tests need")
+    middle, size, pixel = (5020000.0, -1980000.0), 65, 0.25
+    at = (np.arange(size) - size // 2) * pixel
+    heights = 1234.5 + 0.5 * at[None, :] + 0.2 * at[::-1, None]  # per metre of the map
+    crs = "+proj=merc +lat_ts=0 +x_0=5000000 +y_0=-2600000 +R=1560800 +units=m +no_defs"
+    with rasterio.open(tmp_path / "map.tif", "w", driver="GTiff", width=size, height=size, count=1, dtype="float64",
+                       crs=crs, transform=rasterio.transform.from_origin(
+                           middle[0] - size * pixel / 2, middle[1] + size * pixel / 2, pixel, pixel)) as out:
+        out.write(heights, 1)
+    folder, facts = written(tmp_path / "out", kind, {
+        "source": {"kind": "HEIGHT_MAP", "file": str(tmp_path / "map.tif"), "origin_x_m": 1.0, "origin_y_m": -0.5},
+        "terrain": {"size_m": SIZE_M, "resolution": 33}, "rig": {"heading_deg": 37.0}},
+        cell_m=CELL_M if kind == "dem" else None)
+    place = facts["map"]
+    assert place["scale"][0] == pytest.approx(0.925, abs=0.01)  # at 21.7° north
+    assert rasterio.crs.CRS.from_string(place["crs"]) == rasterio.crs.CRS.from_string(crs)
+    assert "1560800.0" in place["datum"]
+    if kind == "dem":
+        with rasterio.open(folder / "dem.tif") as opened:
+            assert json.loads(opened.tags()["map"]) == place
+            z = opened.read(1).astype(float)
+            x, y = (np.reshape(values, z.shape) for values in opened.xy(*np.mgrid[:z.shape[0], :z.shape[1]]))
+        local = np.stack([x, y, z], axis=-1)[np.isfinite(z)]
+    elif kind == "usd":
+        bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+        bpy.ops.wm.usd_import(filepath=str(folder / "ground.usd"))
+        item, = (each for each in bpy.context.scene.objects if each.type == "MESH")
+        local = np.array([item.matrix_world @ vertex.co for vertex in item.data.vertices], float)
+    else:
+        name = {"ply": "terrain.ply", "obj": "ground.obj", "gltf": "ground.glb"}[kind]
+        made = trimesh.load(folder / name, force="mesh", process=False)
+        local = np.asarray(made.vertices, float)
+        local = np.stack([local[:, 0], -local[:, 2], local[:, 1]], axis=1) if kind == "gltf" else local
+    assert len(local) > 100
+    x, y = ((place["origin"][k] + local[:, k] / place["scale"][k]) / place["unit_m"] for k in range(2))
+    wanted = 1234.5 + 0.5 * (x - middle[0]) + 0.2 * (y - middle[1])
+    assert np.abs(local[:, 2] + place["height_zero_m"] - wanted).max() < 1e-3

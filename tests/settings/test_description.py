@@ -100,3 +100,15 @@ def test_an_override_reads_its_value_by_the_settings_type(text, expected):
     (value,) = next(iter(settings.override(text).values())).values()
     assert value == expected
     assert type(value) is type(expected)
+
+
+@pytest.mark.parametrize(("given", "kept"), [(-9999, "-9999"), (-9999.5, "-9999.5"), ("0", "0"), ("none", "none"),
+                                             ("", "")])
+def test_a_mark_of_missing_heights_is_a_number_or_its_text(given, kept):
+    assert settings.check({"source": {"missing": given}}, "test")["source"]["missing"] == kept
+
+
+@pytest.mark.parametrize("given", ["low", "nan", "inf", True])
+def test_another_mark_is_refused(given):
+    with pytest.raises(IcyMoonError, match=r"source\.missing (is '.*', which is no number; give one|must be a text)"):
+        settings.check({"source": {"missing": given}}, "test")

@@ -416,7 +416,7 @@ def test_the_ground_of_a_geotiff_is_the_hill_that_it_states(name):
 
 
 def test_a_height_map_too_large_for_the_memory_is_named(tmp_path, monkeypatch):
-    def too_large(path, site):
+    def too_large(path, site, missing):
         raise MemoryError
     monkeypatch.setattr(import_heights.geotiff, "read", too_large)
     path = write_tiff(tmp_path / "large.tif", np.zeros((9, 9), np.float32))
@@ -511,10 +511,13 @@ def test_the_operator_imports_builds_and_takes_back_what_failed(scene, tmp_path)
     assert len(built.terrain.data.polygons) == 128
     from icymoon.operators.ground import report_lines
     assert any("81 vertices" in line for line in report_lines(scene))
-    for bad in ("absent.ply", "a.jpg"):
+    (tmp_path / "dem.asc").write_text("ncols 2\n")
+    for bad in ("absent.ply", "a.jpg", "dem.asc.*gdal_translate"):
         with pytest.raises(RuntimeError, match=bad):
-            bpy.ops.icymoon.import_ground(filepath=str(tmp_path / bad))
+            bpy.ops.icymoon.import_ground(filepath=str(tmp_path / bad.partition(".*")[0]))
     assert scene.icymoon.source.file == str(path)
+    shown = bpy.ops.icymoon.import_ground.get_rna_type().properties["filter_glob"].default.split(";")
+    assert {"*.ply", "*.tif", "*.asc", "*.hgt", "*.img", "*.lbl"} <= set(shown)
 
 
 @pytest.mark.heavy

@@ -13,6 +13,7 @@ import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.formats import geotiff
 from icymoon.formats.geotiff import Site
+from icymoon.nodes.ground.user_ground import load_ground
 from icymoon.nodes.scene import build
 from rendering import complete, empty_scene
 
@@ -28,7 +29,11 @@ MAPS = {
                                              (3e5, -math.radians(70) * EUROPA_M), 4.0),
     "Mercator": (f"+proj=merc +R={EUROPA_M} +no_defs", (2e5, 1.2e6), 3.0),
     "polar, off its parallel": (f"+proj=stere +lat_0=-90 +lat_ts=-71 +R={EUROPA_M} +no_defs", (1e5, 9e5), 2.0),
-    "degrees": ("EPSG:4326", (15.0, 50.0), 2e-5)}
+    "degrees": ("EPSG:4326", (15.0, 50.0), 2e-5),
+    "false easting": (f"+proj=tmerc +lat_0=10 +lon_0=20 +k=0.9999 +x_0=5000000 +y_0=-2000000.25 +R={EUROPA_M} +no_defs",
+                      (5.02e6, -1.98e6), 2.0),
+    "false easting in feet": (f"+proj=lcc +lat_1=30 +lat_2=40 +lat_0=35 +lon_0=15 +x_0=3e6 +y_0=1e6 +R={EUROPA_M} "
+                              "+units=us-ft +no_defs", (9.9e6, 3.3e6), 6.0)}
 
 
 def written(path, name, size=80):
@@ -162,6 +167,76 @@ def test_missing_heights_without_a_mark_are_found(tmp_path, mark, count):
     assert np.ptp(vertices[2::3]) < 11
 
 
+def save_npy(path, heights):
+    np.save(path.with_suffix(".npy"), heights)
+    return path.with_suffix(".npy")
+
+
+def save_tiff(path, heights):
+    """Heights of half a metre per value, with a mark of their own in the first pixel."""
+    values = np.rint(2 * heights).astype(np.int16)
+    values[0, 0] = -1
+    with rasterio.open(path, "w", driver="GTiff", width=64, height=64, count=1, dtype="int16", crs="EPSG:32633",
+                       nodata=-1, transform=rasterio.transform.from_origin(5e5, 7.5e6, 2, 2)) as out:
+        out.write(values, 1)
+        out.scales = (0.5,)
+    return path
+
+
+@pytest.mark.parametrize("save", [save_npy, save_tiff])
+def test_a_stated_value_is_missing_beside_the_files_own_mark(tmp_path, save):
+    """0 between heights below and above it, which nothing else finds."""
+    heights = np.rint(np.random.default_rng(1).uniform(-40, 40, (64, 64)))
+    heights[heights == 0] = 1
+    heights[5:8, 5:8] = 0
+    path = save(tmp_path / "a.tif", heights)
+    built = ground_of(path, missing="0", metres_per_pixel=2.0)
+    assert "9 pixels of 0 without a height, by source.missing" in " ".join(built.ground["report"])
+    share = 10 / 4096 if save is save_tiff else 9 / 4096
+    assert f"{share:.2%} of" in " ".join(built.warnings)
+    assert "by source.missing" not in " ".join(ground_of(path, metres_per_pixel=2.0).ground["report"])
+
+
+def test_none_keeps_heights_that_look_like_a_mark(tmp_path):
+    heights = 1500 + np.random.default_rng(1).uniform(0, 10, (64, 64))
+    heights[30:33, 30:33] = -9999.0
+    np.save(tmp_path / "a.npy", heights)
+    said = " ".join(ground_of(tmp_path / "a.npy", metres_per_pixel=2.0).warnings)
+    assert "set source.missing = none" in said
+    kept = ground_of(tmp_path / "a.npy", metres_per_pixel=2.0, missing="none")
+    assert "source.missing" not in " ".join(kept.warnings)
+    vertices = np.empty(3 * len(kept.terrain.data.vertices))
+    kept.terrain.data.vertices.foreach_get("co", vertices)
+    assert np.ptp(vertices[2::3]) > 11_000
+
+
+def test_a_file_without_a_map_has_its_exact_offset(tmp_path):
+    heights = 1234.5678 + np.random.default_rng(1).uniform(0, 10, (65, 65))
+    np.save(tmp_path / "a.npy", heights)
+    place = ground_of(tmp_path / "a.npy", metres_per_pixel=2.0, origin_x_m=0.12345679).ground["map"]
+    assert place["origin"] == [64.12345679, 64.0]
+    assert place["height_zero_m"] == np.median(heights)
+    assert place["crs"] == ""
+
+
+def test_a_mesh_in_map_coordinates_has_its_exact_offset(tmp_path):
+    """Vertices in feet, millions of them from the origin, in double precision."""
+    corner = np.array([[9.9e6, 3.3e6, 400.0], [9.9e6 + 40, 3.3e6, 410], [9.9e6, 3.3e6 + 40, 420],
+                       [9.9e6 + 40, 3.3e6 + 40, 450]]) + 0.123456789
+    head = ["ply", "format ascii 1.0", "element vertex 4", *(f"property double {axis}" for axis in "xyz"),
+            "element face 2", "property list uchar int vertex_indices", "end_header"]
+    rows = [*(" ".join(map(repr, map(float, vertex))) for vertex in corner), "3 0 1 2", "3 1 3 2"]
+    (tmp_path / "a.ply").write_text("\n".join([*head, *rows]) + "\n")
+    settings = complete({"source": {"kind": "MESH", "file": str(tmp_path / "a.ply"), "scale": 0.3048}})
+    ground = load_ground(settings, lambda _: None)
+    place = ground.map_place
+    assert place is not None
+    offset = np.array([*place["origin"], place["height_zero_m"]])
+    back = (ground.positions.astype(float) + offset) / place["unit_m"]
+    distance = np.linalg.norm(back[:, None] - corner[None], axis=2) * place["unit_m"]
+    assert distance.min(axis=0).max() < 1e-3
+
+
 @pytest.mark.parametrize("heights", [
     lambda: np.random.default_rng(1).uniform(0, 10, (64, 64)), lambda: np.maximum(np.mgrid[:64, :64][0] - 20.0, 0.0),
     lambda: np.where(np.mgrid[:64, :64][0] > 60, -30.0, np.random.default_rng(1).uniform(0, 15, (64, 64))),
@@ -179,10 +254,29 @@ def test_a_place_beyond_the_map_and_skewed_ground_are_refused_with_a_way(tmp_pat
     with rasterio.open(tmp_path / "s.tif", "w", driver="GTiff", width=9, height=9, count=1, dtype="float32", crs=crs,
                        transform=rasterio.transform.from_origin(9e5, 1.3e6, 2.0, 2.0)) as out:
         out.write(np.ones((9, 9), np.float32), 1)
-    with pytest.raises(IcyMoonError, match=r'gdalwarp -t_srs "\+proj=aeqd .*units=m" s\.tif site\.tif') as caught:
+    with pytest.raises(IcyMoonError, match=r'gdalwarp -t_srs "\+proj=aeqd .*" .* s\.tif s_new\.tif$') as caught:
         ground_of(tmp_path / "s.tif")
     srs = str(caught.value).split('"')[1]
     rasterio.crs.CRS.from_string(srs)  # PROJ understands it
+
+
+@pytest.mark.parametrize("name", MAPS)
+def test_the_stated_system_leads_from_the_origin_to_its_longitude_and_latitude(tmp_path, name):
+    """By PROJ, from the coordinates in the unit of the file and the system that are stated."""
+    path, _ = written(tmp_path / "dem.tif", name)
+    place = geotiff.read(path, Site(True, (3.0, -2.0), 40.0)).place
+    assert place is not None
+    earth = MAPS[name][0].startswith("EPSG")
+    body = "EPSG:4326" if earth else f"+proj=longlat +R={EUROPA_M} +no_defs"
+    (lon,), (lat,) = warp.transform(place.crs, body, *([at / place.unit_m] for at in place.origin))
+    # Longitude and latitude of Earth are those of a sphere.
+    assert (lon, lat) == pytest.approx((place.longitude_deg, place.latitude_deg), abs=0.25 if earth else 1e-8)
+    # The file's own system agrees to a hundredth of a millimetre, all parameters included.
+    with rasterio.open(path) as opened:
+        (x,), (y,) = warp.transform(place.crs, opened.crs, *([at / place.unit_m] for at in place.origin))
+    assert (x * place.unit_m, y * place.unit_m) == pytest.approx(place.origin, abs=1e-5)
+    wanted = f"that of {place.crs}" if name in ("UTM", "web map at 60°") else "EPSG:4326" if earth else "1560800.0"
+    assert wanted in place.datum
 
 
 def test_the_record_has_the_exact_place(tmp_path):
@@ -194,3 +288,12 @@ def test_the_record_has_the_exact_place(tmp_path):
     assert place["height_zero_m"] == pytest.approx(100.0, abs=0.01)
     assert place["latitude_deg"] == pytest.approx(60, abs=1e-4)
     assert place["longitude_deg"] == pytest.approx(8.983, abs=1e-3)
+
+
+def test_a_sentence_with_a_command_ends_with_it(tmp_path):
+    with rasterio.open(tmp_path / "f.tif", "w", driver="GTiff", width=9, height=9, count=1, dtype="float32",
+                       crs="EPSG:2263", GEOTIFF_VERSION="1.1",
+                       transform=rasterio.transform.from_origin(9e5, 1.3e5, 2.0, 2.0)) as out:
+        out.write(np.ones((9, 9), np.float32), 1)
+    with pytest.raises(IcyMoonError, match=r"with: gdal_translate .* f\.tif f_new\.tif$"):
+        ground_of(tmp_path / "f.tif")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pairs
 import pytest
@@ -97,3 +99,13 @@ def test_means_by_cell():
     assert found[0, 0] == 0.5
     assert found[0, 10] == 1.0
     assert np.isnan(found).sum() == 598
+
+
+def test_the_map_of_a_site_is_in_its_metadata(tmp_path):
+    rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")
+    place = {"crs": "+proj=merc <&\"> +R=1560800", "origin": [5e6 + 0.123456789, -2.0], "scale": [1.0, 1.0]}
+    found = grid_points(points(lambda x, y: x + 10 * y), GRID)
+    (tmp_path / "dem.tif").write_bytes(found.geotiff({"map": place}))
+    with rasterio.open(tmp_path / "dem.tif") as opened:
+        stated = json.loads(opened.tags()["map"])
+    assert {key: stated[key] for key in place} == place

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 from typing import Any
 
 import cv2
@@ -17,7 +18,7 @@ from icymoon.physics.camera.lens_distortion import distort
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export.cameras import quaternion, rays_of
-from icymoon.stereo.export.layouts import export
+from icymoon.stereo.export.layouts import FORMATS, export
 
 RIG = pairs.camera(96, 72)
 SCENE = pairs.Scene(sky_rows=6)
@@ -55,6 +56,48 @@ def points() -> tuple[np.ndarray, np.ndarray]:
     eye = pose("left")
     world = (rays_of(RIG) * depth[..., None]) @ eye[:3, :3].T + eye[:3, 3]
     return world, np.arange(RIG.width_px) - RIG.disparity(depth)
+
+
+#: Where the site lies on a map, far from its origin.
+PLACE = {"crs": "+proj=tmerc +lon_0=20 +x_0=5000000 +R=1560800 +units=m +no_defs", "unit_m": 0.3048,
+         "origin": [5020000.0625, -4649990.123456789], "scale": [0.5, 0.25], "height_zero_m": 1234.5}
+
+
+@pytest.fixture
+def mapped(dataset, tmp_path):
+    """The same pairs on a map."""
+    shutil.copytree(dataset, tmp_path / "mapped")
+    for file in (tmp_path / "mapped").glob("pairs/*/pair.json"):
+        file.write_text(json.dumps(json.loads(file.read_text(encoding="utf-8")) | {"ground": {"map": PLACE}}),
+                        encoding="utf-8")
+    return tmp_path / "mapped"
+
+
+@pytest.mark.parametrize("kind", [name for name in FORMATS if name not in ("bop", "parquet-index")])
+def test_every_layout_states_the_exact_place_on_the_map(mapped, tmp_path, kind):
+    if kind == "ros2":
+        pytest.importorskip("rosbags", reason="pip install icymoon[ros]")
+    root = exported(mapped, tmp_path, kind)
+    found = json.loads((root / "map_coordinates.json").read_text(encoding="utf-8"))
+    assert found["pairs"] == dict.fromkeys(("0123456789ab", "ba9876543210"), PLACE)
+    assert "origin[0] + x / scale[0]" in found["formula"]
+
+
+def test_points_of_colmap_go_back_to_the_map_within_a_millimetre(mapped, tmp_path, points):
+    root = exported(mapped, tmp_path, "colmap")
+    stated = json.loads((root / "map_coordinates.json").read_text(encoding="utf-8"))["pairs"]["0123456789ab"]
+    lines = (root / "scene-0000" / "sparse" / "0" / "points3D.txt").read_text(encoding="utf-8").splitlines()
+    found = np.array([line.split()[1:4] for line in lines if "1" in line.split()[8::2]], float)  # of its left image
+    true = points[0].reshape(-1, 3)
+    true = true[np.isfinite(true).all(axis=1)]
+
+    def on_map(local):
+        x, y = ((stated["origin"][k] + local[:, k] / stated["scale"][k]) / stated["unit_m"] for k in range(2))
+        return np.stack([x, y, local[:, 2] + stated["height_zero_m"]], axis=1)
+
+    distances = np.linalg.norm(on_map(found)[:, None] - on_map(true)[None], axis=2).min(axis=1)
+    assert len(found) > 100
+    assert distances.max() < 1e-3
 
 
 def exported(dataset, tmp_path, kind, *overrides):

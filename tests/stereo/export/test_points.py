@@ -141,3 +141,17 @@ def test_a_pair_without_a_pose_is_still_measured(tmp_path):
     report = evaluate([folder], parse_methods("sgbm"), tmp_path / "out", on_event=events.append, points=True)
     assert report["rows"][0]["status"] == "ok"
     assert any("position of the camera" in event["message"] for event in events if event["type"] == "warning")
+
+
+def test_the_cloud_states_its_place_on_a_map(tmp_path):
+    place = {"crs": "EPSG:32633", "unit_m": 1.0, "origin": [500000.0625, 4649990.123456789], "scale": [1.0, 1.0],
+             "height_zero_m": 1234.5}
+    folder = with_pose(pairs.write_pair(tmp_path / "pair", pairs.Scene(rock=False)))
+    file = folder / "pair.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"ground": {"map": place}}), encoding="utf-8")
+    mapped = prepare(folder, {})
+    write_points(tmp_path / "p.ply", mapped, mapped.pair.camera.disparity(mapped.truth))
+    (line,) = [line for line in (tmp_path / "p.ply").read_bytes().split(b"\n") if line.startswith(b"comment map ")]
+    stated = json.loads(line.removeprefix(b"comment map "))
+    assert {key: stated[key] for key in place} == place
+    assert "origin[0] + x / scale[0]" in stated["formula"]

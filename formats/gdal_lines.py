@@ -1,0 +1,92 @@
+"""Commands of GDAL that make a GeoTIFF file which Icy Moon reads, for sentences about files that it does not read.
+
+They are run in the folder of the file (gdal.org/programs), and a sentence ends with them. Imports no Blender.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+#: Names that shells take as they are.
+_PLAIN = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
+_PACKED = ("-co COMPRESS=DEFLATE", "-co BIGTIFF=IF_SAFER")
+_TILED = (*_PACKED, "-co TILED=YES")
+#: Height maps that GDAL reads and Icy Moon does not, by suffix.
+SUFFIXES = {
+    ".asc": "an ASCII grid", ".hgt": "an SRTM tile", ".lbl": "a PDS label", ".img": "an image with a label of its own",
+    ".cub": "an ISIS cube", ".jp2": "JPEG 2000", ".dem": "a USGS elevation model", ".dt0": "DTED", ".dt1": "DTED",
+    ".dt2": "DTED", ".grd": "a grid of Surfer or GMT", ".nc": "netCDF", ".vrt": "a virtual raster of GDAL",
+    ".bil": "an ESRI raster", ".flt": "an ESRI raster"}
+#: Suffixes of files that state no map system, so that their numbers may be degrees.
+_WITHOUT_SYSTEM = (".asc", ".grd", ".bil", ".flt")
+_TILE_NAME = re.compile(r"[NSns]\d{2}[EWew]\d{3}")
+
+
+def quoted(name: str) -> str:
+    """A file's name as one word of a command."""
+    if _PLAIN.fullmatch(name):
+        return name
+    safe = f"./{name}" if name.startswith("-") else name
+    return '"' + re.sub(r'([\\"$`])', r"\\\1", safe) + '"'
+
+
+def _made_of(name: str) -> str:
+    """The name of the file that is made of another."""
+    stem = Path(name).stem or name
+    return f"{stem}_new.tif" if name == f"{stem}.tif" else f"{stem}.tif"
+
+
+def translate(name: str, *options: str) -> str:
+    """The ``gdal_translate`` that copies the first band of a file, packed, with ``options``."""
+    return " ".join(["gdal_translate", "-b 1", *options, *_PACKED, quoted(name), quoted(_made_of(name))])
+
+
+def tile(name: str, *options: str) -> str:
+    """The same in tiles, of which a site needs few."""
+    return " ".join(["gdal_translate", "-b 1", *options, *_TILED, quoted(name), quoted(_made_of(name))])
+
+
+def warp(name: str, *options: str) -> str:
+    """The ``gdalwarp`` that makes a map along the axes, with NaN where the file has no heights."""
+    return " ".join(["gdalwarp", *options, "-r bilinear -ot Float64 -dstnodata nan", *_PACKED, quoted(name),
+                     quoted(_made_of(name))])
+
+
+def edit(name: str, *options: str) -> str:
+    """The ``gdal_edit.py`` that changes what a file states of itself."""
+    return " ".join(["gdal_edit.py", *options, quoted(name)])
+
+
+def sphere(radius_m: float) -> str:
+    """The option of ``translate`` for a file in degrees on a sphere."""
+    return f'-a_srs "+proj=longlat +R={radius_m:.12g} +no_defs"'
+
+
+def advise(path: Path, start: bytes, body_radius_m: float) -> str:
+    """The end of a sentence about a height map of ``SUFFIXES``, with the command that makes it a GeoTIFF.
+
+    ``start`` are its first bytes, which tell whether an image has its label within.
+    """
+    suffix, name = path.suffix.lower(), path.name
+    kind = SUFFIXES[suffix]
+    if suffix == ".hgt" and not _TILE_NAME.match(name):
+        return (f"is {kind}, whose name must state its south-west corner, such as N46E007.hgt; rename it and convert "
+                f"it in its folder with: {tile('N46E007.hgt')}")
+    if suffix == ".img":
+        label = _label_of(path, start)
+        if label is None:
+            return f"is {kind}, and {path.with_suffix('.lbl').name} is not beside it; put it there and give it."
+        name = label.name
+    degrees = (f"if its coordinates are degrees, add {sphere(body_radius_m)}; " if suffix in _WITHOUT_SYSTEM else "")
+    return f"is {kind}, which Icy Moon does not read; {degrees}convert it in its folder with: {tile(name)}"
+
+
+def _label_of(path: Path, start: bytes) -> Path | None:
+    """The file that GDAL opens for an image: itself if it has its label within or a header beside it, or its label;
+    None if there is none."""
+    if start.startswith((b"PDS_VERSION_ID", b"CCSD", b"EHFA_HEADER_TAG", b"ODL_VERSION_ID", b"LBLSIZE=")):
+        return path
+    if any(path.with_suffix(suffix).is_file() for suffix in (".hdr", ".HDR")):
+        return path
+    return next((label for suffix in (".lbl", ".LBL") if (label := path.with_suffix(suffix)).is_file()), None)
