@@ -190,7 +190,10 @@ def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> Ge
     if missing is not None:
         stated = clear_stated(heights, missing, number)
     warnings += _apply_mask(heights, foreign, images, window)
-    report = (*stated, *_scale_to_metres(heights, image, keys))
+    scaled, in_unit = _scale_to_metres(heights, image, keys)
+    report = (*stated, *scaled)
+    if not in_unit and keys.get(1024, 0) != _GEOGRAPHIC:
+        warnings += _doubt_metres(unit, foreign.name)
     if grid is None:
         return GeoTiff(heights, None, None, "does not state the size of its pixels", report, tuple(warnings),
                        image.shape)
@@ -371,8 +374,21 @@ def _decode_text(tag: tuple[Any, ...] | None) -> str:
     return b"".join(tag or ()).split(b"\0")[0].decode("utf-8", "replace").strip()
 
 
-def _scale_to_metres(grid: np.ndarray, image: Directory, keys: Mapping[int, Any]) -> tuple[str, ...]:
-    """Turn the values into metres in place, by the scale, offset and unit that the file states; a report of it.
+def _doubt_metres(unit_m: float | None, file: str) -> list[str]:
+    """A warning if a file states no unit for its heights, and one for its coordinates that is not the metre."""
+    if unit_m is None or math.isclose(unit_m, 1.0, rel_tol=1e-6):
+        return []
+    name = next((name for name, metres in _NAMED_M.items() if math.isclose(metres, unit_m, rel_tol=1e-6)), "")
+    state = gdal_lines.edit(file, f"-units '{name}'")
+    fix = (f"if they are in {name}, as its coordinates are, state it in its folder with: {state}" if name else
+           "if they are in another unit, write them in metres")
+    return [f"it states no unit for its heights, which were taken for metres although its coordinates are in units of "
+            f"{unit_m:g} m; {fix}"]
+
+
+def _scale_to_metres(grid: np.ndarray, image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[str, ...], bool]:
+    """Turn the values into metres in place, by the scale, offset and unit that the file states; a report of it, and
+    whether it states a unit.
 
     Raises UnreadError if they are contradictory or of an unknown kind.
     """
@@ -395,8 +411,8 @@ def _scale_to_metres(grid: np.ndarray, image: Directory, keys: Mapping[int, Any]
     if max(abs(scale), abs(offset)) * unit > 1e6:  # else no height leaves the range of numbers
         grid[~(np.abs(grid) < NO_HEIGHT)] = np.nan
     if (scale, offset, unit) == (1.0, 0.0, 1.0):
-        return ()
-    return (f"The file states {name}heights of {scale:g} x value + {offset:g}, which is followed",)
+        return (), bool(name)
+    return (f"The file states {name}heights of {scale:g} x value + {offset:g}, which is followed",), bool(name)
 
 
 def _third_scale(tags: Tags) -> tuple[float, float] | None:

@@ -137,7 +137,19 @@ def test_the_unit_of_the_map(tmp_path, keys, metres):
     read = geotiff.read(small(tmp_path, keys=keys))
     assert read.pixel_m == (pytest.approx((2 * metres, 3 * metres)) if metres else None)
     assert bool(read.unplaced) == (metres is None)
-    assert bool(read.warnings) == (metres == 1.0 and (not keys or 32767 in keys.values()))
+    is_assumed = metres == 1.0 and (not keys or 32767 in keys.values())
+    assert bool(read.warnings) == (is_assumed or metres not in (1.0, None))
+
+
+@pytest.mark.parametrize(("keys", "fix"), [
+    ({3076: 9003}, r"gdal_edit\.py -units 'us-ft'"), ({3076: 9036}, "-units 'km'"),
+    ({3076: 9030}, "write them in metres"), ({3076: 9001}, None), ({3076: 9003, 4099: 9003}, None),
+    ({3076: 9003, 4099: 9001}, None)], ids=str)
+def test_heights_without_a_unit_on_a_map_that_is_not_in_metres_are_doubted(tmp_path, keys, fix):
+    read = geotiff.read(small(tmp_path, keys=keys))
+    found = [each for each in read.warnings if "no unit for its heights" in each]
+    assert len(found) == (fix is not None)
+    assert all(re.search(fix or "", each) for each in found)
 
 
 def test_metadata_with_entities_is_not_unfolded(tmp_path):
