@@ -26,7 +26,7 @@ from ..render.workers.manifest import write_manifest
 from ..render.workers.process import clean_environment, report_errors
 from ..render.workers.runner import Runner, WorkerOptions
 from ..render.workers.slurm_scripts import SlurmRequest, write_script
-from ..render.workers.verify import verify
+from ..render.workers.verify import Findings, verify
 from ..support import printer
 from ..system import call_ours, count_processors, kill_all, set_stop_handler, start
 from ..terminal import as_path, show_progress
@@ -73,7 +73,8 @@ def add_verbs(verbs: Any) -> None:
     slurm.add_argument("--blender", default=sys.executable, help="Blender there, or a Python with bpy (this Python)")
     slurm.set_defaults(run=_run_slurm)
 
-    check = verbs.add_parser("verify", help="check every file of a data set, and print what is missing or wrong")
+    check = verbs.add_parser("verify", help="check every file of a data set against its plan, if it has one, and what "
+                             "its pairs state, and print what is missing or wrong")
     check.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
     check.add_argument("--remove", action="store_true",
                        help="remove broken pairs and leftovers, so that icymoon batch makes them again")
@@ -287,10 +288,23 @@ def _run_verify(options: argparse.Namespace) -> int:
     if options.json:
         printer.emit("result", pairs=found.pairs, complete=found.complete, problems=len(found.problems))
     elif not found.problems:
-        printer.say(f"{count_of(found.complete, 'pair')}, all whole and as planned.")
+        printer.say(f"{count_of(found.complete, 'pair')}, all whole and as {_measure(found)}.")
     if found.problems:
         raise IcyMoonError(f"{options.dataset}: {count_of(len(found.problems), 'problem')}, {found.complete} of "
-                           f"{count_of(found.pairs, 'pair')} whole and as planned"
-                           + ("; run icymoon batch to make the others." if options.remove else
-                              "; icymoon verify --remove takes away what is broken, icymoon batch makes it again."))
+                           f"{count_of(found.pairs, 'pair')} whole and as {_measure(found)}; "
+                           f"{_describe_fix(found, options.remove)}.")
     return 0
+
+
+def _measure(found: Findings) -> str:
+    """What pairs were compared with, in a word."""
+    return "planned" if found.has_plan else "stated"
+
+
+def _describe_fix(found: Findings, removed: bool) -> str:
+    """What makes a data set with problems whole, as a clause."""
+    if not found.has_plan:
+        return "render again what is broken"
+    if not removed and any(problem.path for problem in found.problems):
+        return "icymoon verify --remove takes away what is broken, icymoon batch makes it again"
+    return "do what each line asks for, and run icymoon batch to make what is missing"

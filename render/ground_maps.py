@@ -26,28 +26,15 @@ from ..nodes.scene import Built
 from ..nodes.surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..support.foreign_bytes import OverBudgetError
-from ..typed_settings import WorkspaceSettings
 from . import cycles_settings, passes, separate_lights
 from .cycles_errors import first_line
+from .pairs.workspace_cells import MOST_CELLS, PLACES, Extent
 from .render_camera import SAMPLE_OFFSET_PX
 
-#: Cells along the longer side if none are asked for, and the most.
-CELLS, MOST_CELLS = 1024, 8192
+#: Cells along the longer side if none are asked for.
+CELLS = 1024
 #: From the highest point to the camera, in metres.
 _ABOVE_M = 1.0
-#: Places along a side of a cell of a workspace where its height is looked up.
-_PLACES = 3
-
-
-@dataclass(frozen=True)
-class Extent:
-    """Cells of a map: their size, how many, and the outer corner of the north-west one; lengths in metres."""
-
-    cell_m: float
-    rows: int
-    columns: int
-    west_m: float
-    north_m: float
 
 
 @dataclass(frozen=True)
@@ -87,17 +74,6 @@ def extent_of(built: Built, cell_m: float | None) -> Extent:
     return Extent(float(cell), rows, columns, float(middle_x - columns * cell / 2), float(middle_y + rows * cell / 2))
 
 
-def workspace_extent(workspace: WorkspaceSettings) -> Extent:
-    """The cells of a workspace; whole cells that cover its square. Raises IcyMoonError for too many."""
-    count = max(1, int(np.ceil(workspace.size_m / workspace.cell_m - 1e-6)))
-    if _PLACES * count > MOST_CELLS:
-        raise IcyMoonError(f"workspace.cell_m is {workspace.cell_m:g}, which makes {count} cells along a side; give "
-                           f"{_PLACES * workspace.size_m / MOST_CELLS:.3g} m or more.")
-    half = count * workspace.cell_m / 2
-    return Extent(float(workspace.cell_m), count, count, float(workspace.east_m - half),
-                  float(workspace.north_m + half))
-
-
 def make_heights(built: Built, scene: bpy.types.Scene, folder: Path, extent: Extent) -> np.ndarray:
     """Heights, float32 (2, rows, columns), of what lies on top and of the ground without rocks, in the site's frame.
 
@@ -105,8 +81,8 @@ def make_heights(built: Built, scene: bpy.types.Scene, folder: Path, extent: Ext
     of the ground, such as a lander, is left out. The scene's camera and passes are to be set up again afterwards.
     Raises IcyMoonError where Cycles fails.
     """
-    fine = replace(extent, cell_m=extent.cell_m / _PLACES, rows=_PLACES * extent.rows,
-                   columns=_PLACES * extent.columns)
+    fine = replace(extent, cell_m=extent.cell_m / PLACES, rows=PLACES * extent.rows,
+                   columns=PLACES * extent.columns)
     top_m = _highest_m(scene) + _ABOVE_M
     items = [item for item in built.collection.all_objects if item.type == "MESH"]
     rocks = [item for item in items if item.get(TAG) == "rock"]
@@ -120,9 +96,9 @@ def make_heights(built: Built, scene: bpy.types.Scene, folder: Path, extent: Ext
 
 
 def _cell_medians(height_m: np.ndarray) -> np.ndarray:
-    """The medians of squares of ``_PLACES`` rows and columns, NaN where a part is not known."""
-    rows, columns = (count // _PLACES for count in height_m.shape)
-    squares = height_m.reshape(rows, _PLACES, columns, _PLACES).swapaxes(1, 2)
+    """The medians of squares of ``PLACES`` rows and columns, NaN where a part is not known."""
+    rows, columns = (count // PLACES for count in height_m.shape)
+    squares = height_m.reshape(rows, PLACES, columns, PLACES).swapaxes(1, 2)
     return np.asarray(np.median(squares.reshape(rows, columns, -1), axis=2))
 
 

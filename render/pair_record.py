@@ -21,11 +21,11 @@ from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ..physics.light.sky import compare_lights
 from ..physics.scene_requirements import find_left_out, traced_sentence
 from ..system import peak_memory_mib
-from ..typed_settings import Settings, WorkspaceSettings
+from ..typed_settings import Settings
 from ..version import version
 from .graphics_cards import list_selected_cards
-from .ground_maps import workspace_extent
-from .pairs.pair_folder import EYES, FORMAT, VERSION, WORKSPACE_FILE, StereoCamera
+from .pairs.pair_folder import EYES, FORMAT, VERSION, StereoCamera
+from .pairs.workspace_cells import describe_workspace
 from .plans.planned_pair import PlannedPair
 
 
@@ -39,15 +39,6 @@ def light_json(built: Built, source: str) -> dict[str, Any]:
                                   sun.ground_irradiance_wm2)
         planet["over_sun"] = None if math.isinf(over_sun) else over_sun
     return facts
-
-
-def _workspace_json(workspace: WorkspaceSettings) -> dict[str, Any]:
-    """Where the file of the workspace's true heights is and what it covers; nothing if there is none."""
-    if workspace.cell_m <= 0:
-        return {}
-    extent = workspace_extent(workspace)
-    return {"workspace": {"file": WORKSPACE_FILE, "cell_m": extent.cell_m, "origin_m": [extent.west_m, extent.north_m],
-                          "shape": [extent.rows, extent.columns]}}
 
 
 def _eye_pose(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
@@ -87,7 +78,7 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
     ``light`` is of ``light_json``, ``denoiser`` what the images went through, ``indirect`` what is to be stated of
     baked light, if anything.
     """
-    settings = planned.settings
+    settings, workspace = planned.settings, describe_workspace(planned.settings.workspace)
     camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
     eyes = camera.eyes_json()
     for eye in EYES:
@@ -113,7 +104,7 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
         "hapke": describe_hapke(built.materials), "denoiser": denoiser,
         **({} if indirect is None else {"indirect": indirect}),
         "platform": platform.platform(),
-        **_workspace_json(settings.workspace),
+        **({"workspace": workspace} if workspace else {}),
         "seconds": seconds, "peak_memory_mib": peak_memory_mib(),
         "files": files,
     }

@@ -37,14 +37,15 @@ from . import cycles_settings, hidden_pixels, passes, separate_lights, unlit
 from .baked_light import Indirect
 from .cost.estimate import bytes_of, count_bytes_left
 from .cycles_errors import first_line
-from .ground_maps import make_heights, workspace_extent
+from .ground_maps import make_heights
 from .lander_record import lander_json
 from .object_labels import lend_labels
 from .pair_record import light_json, pair_json
 from .pairs.baked_file import LIGHT
 from .pairs.our_files import check_no_link
-from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE, WORKSPACE_FILE, StereoCamera
+from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera
 from .pairs.publish import check_place, discard, publish
+from .pairs.workspace_cells import WORKSPACE_FILE, workspace_extent
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
 from .render_camera import add_render_camera, set_up_camera, shift_frame
@@ -232,7 +233,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
 
 
 def _write_workspace(path: Path, built: Built, scene: bpy.types.Scene, settings: Settings) -> None:
-    """Write the true heights of the workspace, see ``pair_folder.WORKSPACE_FILE``; the camera is set up anew after."""
+    """Write the true heights of the workspace, see ``WORKSPACE_FILE``; the camera is set up anew after."""
     cycles_settings.apply(scene, settings.quality, 0)
     heights = make_heights(built, scene, path.parent, workspace_extent(settings.workspace))
     with explain_disk_errors("write", path), path.open("wb") as stream:

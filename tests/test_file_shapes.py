@@ -39,30 +39,11 @@ from icymoon.stereo.reexpose import reexpose
 from icymoon.stereo.report import results
 from icymoon.stereo.report.row_log import RowLog
 from pairs import Scene, camera, write_pair
-from plans import grid
+from stated_pairs import PAIRS, whole
 
-PAIRS = grid(seeds=1, headings=(0.0,))
 #: What takes the place of a value: other types, other signs, what is no number, what leads elsewhere, and too much.
 INSTEAD = (None, True, -1, 0, 2.5, 1e308, float("nan"), float("inf"), 10**30, "", "abc", "../../victim", "a/b",
            "\ud800", "a\0b", [], {}, [[]], {"": None}, {"left.exr": 1}, {"../x": {"bytes": 1, "sha256": "0" * 64}})
-
-
-def whole(folder: Path, **more) -> Path:
-    """A small pair that says all that a rendered one does."""
-    planned = PAIRS[0]
-    write_pair(folder, Scene(), camera(32, 24), settings=planned.settings)
-    path = folder / "pair.json"
-    pose = [[float(row == column) for column in range(4)] for row in range(4)]
-    data = json.loads(path.read_text()) | {
-        "id": planned.id, "seeds": {"dataset": 0, "render": planned.render_seed}, "versions": {"blender": "5.0.1"},
-        "device": "CPU", "denoiser": "NONE", "platform": "here", "osl": True, "edited_by_hand": False,
-        "own_files_sha256": "", "left_out": ["stars"], "blur": None, "peak_memory_mib": 300.0,
-        "light": {"sun": {"direction_to_world": [0.0, 0.6, 0.8]}},
-        "seconds": {"render": 1.5, "write": 0.1, "build": 0.5},
-        "cpu_seconds": {"before": 1.0, "pair": 2.0}, "poses_camera_to_world": {"left": pose, "right": pose},
-        "poses_rectified_to_world": {"left": pose, "right": pose}, **more}
-    path.write_text(json.dumps(data))
-    return folder
 
 
 def places(data: object, path: tuple = ()) -> list[tuple]:

@@ -67,7 +67,7 @@ def blur_of(settings: Settings) -> Blur | None:
     focus, velocity, turn = float(rig.focus_distance_m), _vector(rig, _SPEEDS), _vector(rig, _TURNS)
     turn = np.array([-turn[1], turn[0], turn[2]])
     moves = bool(velocity.any() or turn.any())
-    if focus == 0 and not moves:
+    if not is_blurred(rig):
         return None
     if 0 < focus <= 1e-3 * float(rig.focal_length_mm):
         raise IcyMoonError(f"rig.focus_distance_m is {focus:g} m, and a lens of {rig.focal_length_mm:g} mm focuses "
@@ -80,6 +80,11 @@ def blur_of(settings: Settings) -> Blur | None:
         raise IcyMoonError(f"The rig turns by {np.linalg.norm(turn) * seconds:.4g}° during an exposure of {seconds:g} "
                            f"s; motion blur is made for {_MOST_TURN_DEG:g}° at most.")
     return Blur(focus or None, float(sensor.f_number), seconds if moves else None, velocity, turn)
+
+
+def is_blurred(rig: RigSettings) -> bool:
+    """Whether a rig's images are blurred by depth of field or motion."""
+    return rig.focus_distance_m != 0 or any(rig[key] for key in MOTION)
 
 
 def _vector(rig: RigSettings, keys: tuple[str, ...]) -> np.ndarray:

@@ -39,21 +39,21 @@ from ...file_shapes import (
     reason_of,
 )
 from ...files import PART, json_text, quote, read_text, replace_if_unchanged, sha256
+from ...physics.camera.blur import is_blurred
 from ...physics.light.scene_sun import SceneSun, from_json
 from ...physics.rig.focal_length import focal_px
 from ...settings.changes import response
 from ...settings.description import merged, restored
 from ...typed_settings import RigSettings, Settings
 from .our_files import check_no_link, checked_id, is_regular
+from .statements import find_contradictions
+from .workspace_cells import WORKSPACE_FILE
 
 FORMAT = "icymoon-pair"
 VERSION = 1
 EYES = ("left", "right")
 _IMAGES = tuple(f"{eye}.exr" for eye in EYES)
 TRUTH_FILE, TOED_TRUTH_FILE = "{}_truth.exr", "{}_toed_truth.exr"
-#: True heights of the workspace, float32 (2, rows, columns), north first, in metres of the site's frame: of what lies
-#: on top, and of the ground without its rocks; NaN where there is neither.
-WORKSPACE_FILE = "workspace.npy"
 
 
 @dataclass(frozen=True)
@@ -208,7 +208,7 @@ class Pair:
         return self.folder / name.format(eye) if name.format(eye) in self.data["files"] else self.image(eye)
 
 
-_FIX = "delete the folder and render the pair again"
+_FIX = "move the folder away and render the pair again"
 #: The settings of a pair, and the version that wrote them.
 _SETTINGS_SHAPE = {"settings": Each(TABLE, TEXT), "versions": Maybe(Each(TEXT, TEXT))}
 _FILES_SHAPE = {"files": Each({"bytes": COUNT, "sha256": SHA256}, FILE_NAME, _IMAGES)}
@@ -256,22 +256,40 @@ def read_pair(folder: Path) -> Pair:
                            "use the version that wrote it.")
     check_record(data, _SHAPE, path, _FIX)
     settings = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
-    camera = StereoCamera.from_json(data["camera"])
-    _check_camera(camera, StereoCamera.from_settings(settings.rig), path)
-    pair = Pair(folder, checked_id(data["id"], path), settings, camera, data)
+    pair = Pair(folder, checked_id(data["id"], path), settings, StereoCamera.from_json(data["camera"]), data)
+    _check_statements(pair, path)
     for eye in EYES:
         if not pair.image(eye).is_file():
             raise IcyMoonError(f"{pair.image(eye)} is missing; {_FIX}.")
     return pair
 
 
-def _check_camera(stated: StereoCamera, described: StereoCamera, path: Path) -> None:
-    """Raise IcyMoonError if the stated calibration is not that of the settings, which it was made of."""
-    for key, value in asdict(stated).items():
-        wanted = getattr(described, key)
-        # Settings have eight digits, and a focal length is made of three.
-        if not math.isclose(value, wanted, rel_tol=1e-6, abs_tol=1e-6):
-            raise IcyMoonError(f"{path}: camera.{key} is {value}, and its settings give {wanted}; {_FIX}.")
+def _check_statements(pair: Pair, path: Path) -> None:
+    """Raise IcyMoonError if what a pair states is not what its settings give."""
+    try:
+        clause = next(_find_contradictions(pair), "")
+    except (ValueError, ArithmeticError) as error:
+        clause = f"its settings give no pair ({error})"
+    if clause:
+        raise IcyMoonError(f"{path}: {clause}; {_FIX}.")
+
+
+def _find_contradictions(pair: Pair) -> Iterator[str]:
+    """What a pair states and its settings contradict, in clauses."""
+    camera = StereoCamera.from_settings(pair.settings.rig)
+    stated = {**pair.data, "camera": {**pair.data["camera"], **asdict(pair.camera)}}
+    yield from find_contradictions(stated, pair.settings, {**asdict(camera), **camera.to_json()}, camera.eyes_json())
+    wanted, there = _name_files(pair.settings, camera), pair.data["files"].keys()
+    yield from (f"files has no {name}, and its settings give it" for name in sorted(wanted - there))
+    yield from (f"files has {name}, and its settings give no such file" for name in sorted(there - wanted))
+
+
+def _name_files(settings: Settings, camera: StereoCamera) -> set[str]:
+    """The names of the files of a pair with these settings, besides ``pair.json``."""
+    kinds = ["{}.exr", *([TRUTH_FILE] if camera.toe_in_deg or is_blurred(settings.rig) else []),
+             *([TOED_TRUTH_FILE] if camera.toe_in_deg else [])]
+    return {kind.format(eye) for kind in kinds for eye in EYES} | (
+        {WORKSPACE_FILE} if settings.workspace.cell_m > 0 else set())
 
 
 def is_complete(folder: Path) -> bool:
@@ -364,6 +382,6 @@ def read_unchanged_pair(folder: Path) -> Pair:
     pair = read_pair(folder)
     changed = find_changed_files(pair)
     if changed:
-        raise IcyMoonError(f"{folder / changed[0]} is not the file that was rendered (its checksum differs); delete "
-                           "the folder and render the pair again.")
+        raise IcyMoonError(f"{folder / changed[0]} is not the file that was rendered (its checksum differs); "
+                           f"{_FIX}.")
     return pair

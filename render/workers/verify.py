@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -63,32 +63,39 @@ class Problem:
 @dataclass(frozen=True)
 class Findings:
     """What ``verify`` found: the number of planned and of complete pairs, the problems, and notes on what is missing
-    and leaves the pairs whole."""
+    and leaves the pairs whole. Without a plan (``has_plan``) the pairs are those that are there."""
 
     pairs: int
     complete: int
     problems: tuple[Problem, ...]
     notes: tuple[str, ...] = ()
+    has_plan: bool = True
 
 
 def verify(dataset: Path, remove_broken: bool = False) -> Findings:
-    """Check every file of a data set against the plan and the checksums.
+    """Check every file of a data set against the plan, what its pairs state, and the checksums.
 
     With ``remove_broken`` broken pairs and leftovers are taken away, never what is not ours, nor a pair whose files
-    are as they were rendered. Raises IcyMoonError if there is no plan.
+    are as they were rendered. Without a plan each pair is compared with itself alone. Raises IcyMoonError if there are
+    no pairs either, or something is to be removed that no plan could make again.
     """
-    frozen = read_frozen_plan(dataset)
+    has_plan = os.path.lexists(dataset / PLAN)
+    planned = {pair.id: pair for pair in read_frozen_plan(dataset).pairs} if has_plan else _find_unplanned(dataset)
+    if remove_broken and not has_plan:
+        raise IcyMoonError(f"{dataset} has no {PLAN}, so icymoon batch could not make again what --remove takes away; "
+                           "run verify without it, and remove yourself what you do not need.")
     working = Claims(dataset).find_claimed_elsewhere()
     problems: list[Problem] = []
     complete = 0
-    for planned in frozen.pairs:
+    for name, pair in planned.items():
+        folder = dataset / "pairs" / name
         try:
-            found = list(_check_pair(dataset, planned, planned.id in working))
+            found = list(_check_pair(folder, pair, name in working))
         except Exception as error:  # such as a disk that cannot be read: nothing to take away
-            found = [Problem("unreadable", planned.id, describe_error(error, planned.folder(dataset)))]
+            found = [Problem("unreadable", name, describe_error(error, folder))]
         complete += not found
         problems += found
-    problems += _check_other_files(dataset, {pair.id for pair in frozen.pairs}, working)
+    problems += _check_other_files(dataset, planned.keys(), working, has_plan)
     stated = _find_stated_light(dataset)
     problems += _check_light(dataset, stated, working)
     told = {problem.what for problem in problems if problem.kind == "foreign"}  # with the reason why it stays
@@ -96,37 +103,60 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
         if not remove_ours(path, dataset) and path.name not in told:
             why = find_reason_to_keep(path, dataset) or "the disk does not allow it"
             problems.append(Problem("kept", path.name, f"{path} is not removed: {why}; look at it yourself."))
-    return Findings(len(frozen.pairs), complete, tuple(problems), tuple(_note_missing_light(dataset, stated)))
+    notes = [*_note_missing_light(dataset, stated), *([] if has_plan else [
+        f"{dataset} has no {PLAN}, so each pair is compared with what it states itself, and missing pairs are not "
+        "found."])]
+    return Findings(len(planned), complete, tuple(problems), tuple(notes), has_plan)
 
 
-def _check_pair(dataset: Path, planned: PlannedPair, working: bool) -> Iterator[Problem]:
-    folder = planned.folder(dataset)
+def _find_unplanned(dataset: Path) -> dict[str, None]:
+    """The ids of the pairs of a data set that has no plan, as of ``icymoon render``."""
+    found = dict.fromkeys(path.name for path in sorted((dataset / "pairs").glob("*"))
+                          if is_of_a_pair(path) and not is_unfinished(path))
+    if not found:
+        raise IcyMoonError(f"{dataset} has no {PLAN} and no pairs; give the folder of a data set, which icymoon batch "
+                           "or icymoon render made.")
+    return found
+
+
+def _check_pair(folder: Path, planned: PlannedPair | None, working: bool) -> Iterator[Problem]:
+    name = folder.name
     if link := _find_link(folder):
         text = (f"{link} is a link, which is no part of a pair; put what it leads to in its place, or remove it and "
-                "run icymoon batch.")
+                f"{_again(planned)}.")
         strange = _find_strange(folder) if link.parent == folder else ()
-        yield Problem("foreign", planned.id, " ".join([text, *strange]))
+        yield Problem("foreign", name, " ".join([text, *strange]))
         return
-    if not os.path.lexists(folder / "pair.json"):
-        if folder.exists():
-            yield Problem("broken", planned.id, f"{folder} has no pair.json.", folder)
+    record = folder / "pair.json"
+    if not record.is_file():
+        why = f"{record} is no regular file." if os.path.lexists(record) else f"{folder} has no pair.json."
+        if others := tuple(_find_strange(folder)):
+            yield Problem("foreign", name, " ".join([why, *others]))
+        elif folder.exists():
+            yield Problem("broken", name, why, folder)
         else:
-            yield Problem("missing", planned.id, f"Pair {planned.id} is {'being rendered' if working else 'missing'}.")
+            yield Problem("missing", name, f"Pair {name} is {'being rendered' if working else 'missing'}.")
         return
     intact = _is_intact(folder)
     try:
         pair = read_pair(folder)
-        texts = [*(() if intact else _find_damage(pair)), *_find_contradictions(pair, planned)]
+        texts = [*(() if intact else _find_damage(pair)),
+                 *(f"{clause}; move the folder away and {_again(planned)}."
+                   for clause in _find_contradictions(pair, planned))]
     except IcyMoonError as error:
         texts = [str(error)]
     for text in texts:
         if intact:
-            yield Problem("foreign", planned.id, f"{text} Its files are as they were rendered, so it stays; to "
-                          "render the pair again, move it away.")
+            yield Problem("foreign", name, f"{text} Its files are as they were rendered, so --remove leaves it.")
         else:
-            yield Problem("broken", planned.id, text, folder)
+            yield Problem("broken", name, text, folder)
     for text in _find_strange(folder):
-        yield Problem("foreign", planned.id, text)
+        yield Problem("foreign", name, text)
+
+
+def _again(planned: PlannedPair | None) -> str:
+    """How a pair is made again, in words."""
+    return "run icymoon batch" if planned else "render the pair again"
 
 
 def _find_strange(folder: Path) -> Iterator[str]:
@@ -176,27 +206,34 @@ def _find_damage(pair: Pair) -> Iterator[str]:
             yield f"{file} is not what was rendered: its checksum differs."
 
 
-def _find_contradictions(pair: Pair, planned: PlannedPair) -> Iterator[str]:
-    """In what a pair that can be read is not what was planned, in sentences. The pair itself excuses nothing."""
-    path = pair.folder / "pair.json"
-    if pair.id != planned.id:
-        yield f"{path} is of pair {pair.id}, not {planned.id}."
-    others = [(name, pair.settings[topic][key], planned.settings[topic][key]) for name, topic, key in _settings_in_id()
-              if value_in_id(name, pair.settings) != value_in_id(name, planned.settings)]
+def _find_contradictions(pair: Pair, planned: PlannedPair | None) -> Iterator[str]:
+    """In what a pair that can be read is not what was planned, in clauses. The pair itself excuses nothing.
+
+    Without a plan its name and its settings decide, unless it was edited by hand.
+    """
+    path, edited = pair.folder / "pair.json", bool(pair.data.get("edited_by_hand"))
+    wanted = planned or PlannedPair(pair.folder.name, pair.settings, 0.0)
+    if pair.id != wanted.id:
+        yield f"{path} is of pair {pair.id}, not {wanted.id}"
+    others = [(name, pair.settings[topic][key], wanted.settings[topic][key]) for name, topic, key in _settings_in_id()
+              if value_in_id(name, pair.settings) != value_in_id(name, wanted.settings)]
     if others:
-        texts = [f"{name} is {quote(there)} and was planned as {quote(wanted)}"
-                 for name, there, wanted in others[:_MOST_NAMED]]
+        texts = [f"{name} is {quote(there)} and was planned as {quote(asked)}"
+                 for name, there, asked in others[:_MOST_NAMED]]
         more = [f"{count_of(len(others) - _MOST_NAMED, 'more setting')}"] * (len(others) > _MOST_NAMED)
-        yield f"{path}: {'; '.join([*texts, *more])}, so its settings do not give the id {planned.id}."
-    own, blur = str(pair.data.get("own_files_sha256", "")), blur_identity(planned.settings)
-    if pair.data.get("edited_by_hand"):
-        yield f"{path} states that the scene was edited by hand, and {PLAN} plans no such pair."
-    elif not others and planned.id not in {digest(planned.settings, own + each + blur) for each in _STAND_INS}:
-        yield f"{path}: its settings and own files do not give the id {planned.id}."
-    seed = pair.data.get("seeds", {}).get("render")
-    if seed != planned.render_seed:
-        yield f"{path}: was rendered with the seed {seed}, not {planned.render_seed}."
-    yield from (f"{pair.folder / name} is no whole EXR image." for name in pair.data["files"]
+        yield f"{path}: {'; '.join([*texts, *more])}, so its settings do not give the id {wanted.id}"
+    own, blur = str(pair.data.get("own_files_sha256", "")), blur_identity(wanted.settings)
+    if edited and planned:
+        yield f"{path} states that the scene was edited by hand, and {PLAN} plans no such pair"
+    elif not edited and not others and wanted.id not in {
+            digest(wanted.settings, own + each + blur) for each in _STAND_INS}:
+        yield f"{path}: its settings and own files do not give the id {wanted.id}"
+    seeds = pair.data.get("seeds", {})
+    if seeds.get("render") != wanted.render_seed:
+        yield f"{path}: was rendered with the seed {seeds.get('render')}, not {wanted.render_seed}"
+    if "dataset" in seeds and seeds["dataset"] != wanted.settings.dataset.seed:
+        yield f"{path}: seeds.dataset is {seeds['dataset']}, and its settings give {wanted.settings.dataset.seed}"
+    yield from (f"{pair.folder / name} is no whole EXR image" for name in pair.data["files"]
                 if name.endswith(".exr") and not is_whole(pair.folder / name))
 
 
@@ -270,7 +307,8 @@ def _is_edited(folder: Path) -> bool:
         return False
 
 
-def _check_other_files(dataset: Path, planned: set[str], working: set[str]) -> Iterator[Problem]:
+def _check_other_files(dataset: Path, planned: Collection[str], working: set[str], has_plan: bool
+                       ) -> Iterator[Problem]:
     """What lies in the folder and belongs to no planned pair."""
     for path in sorted((dataset / "pairs").glob("*")):
         name = path.name.split(".")[0]
@@ -284,7 +322,8 @@ def _check_other_files(dataset: Path, planned: set[str], working: set[str]) -> I
             yield Problem("edited", path.name, f"Pair {path} was edited by hand: its settings do not determine its "
                           "images, and no plan has it.")
         elif name not in planned or path.name != name:
-            yield Problem("foreign", path.name, f"{path} is not of this plan.")
+            yield Problem("foreign", path.name, f"{path} is {'not of this plan' if has_plan else 'no pair'}; move it "
+                          "out of the data set.")
     for path in sorted((dataset / CLAIMS_FOLDER).glob("*")):
         if is_unfinished(path):
             if path.name.split(".")[0] not in working:
@@ -297,4 +336,4 @@ def _check_other_files(dataset: Path, planned: set[str], working: set[str]) -> I
         if is_unfinished(path):
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif path.name not in _OUR_FILES:
-            yield Problem("foreign", path.name, f"{path} is not of this data set.")
+            yield Problem("foreign", path.name, f"{path} is not of this data set; move it out.")

@@ -10,6 +10,7 @@ import pairs
 import pytest
 import workspaces
 from icymoon.errors import IcyMoonError
+from icymoon.files import sha256
 from icymoon.formats import geotiff
 from icymoon.stereo import decide as module
 from icymoon.stereo.cli import main
@@ -33,11 +34,11 @@ def dataset(tmp_path):
 def write_state(folder, state, lowered_m, seed=None):
     """A state of an excavation that has lowered level ground by so much, in a region of 0.64 m²; rendered with this
     seed."""
-    workspaces.write(folder, pairs.Scene(distance_m=2.0 + lowered_m, slope_x=0.0, slope_y=0.0, rock=False), exact=False)
+    workspaces.write(folder, pairs.Scene(distance_m=2.0 + lowered_m, slope_x=0.0, slope_y=0.0, rock=False))
     data = json.loads((folder / "pair.json").read_text())
     heights = np.full((2, 30, 30), -lowered_m, np.float32)
     np.save(folder / "workspace.npy", heights)
-    data["workspace"] = {"file": "workspace.npy", "cell_m": CELL_M, "origin_m": [-0.6, 0.6], "shape": [30, 30]}
+    data["files"]["workspace.npy"]["sha256"] = sha256(folder / "workspace.npy")
     # What was dug is more than what the region lost, as spoil slid in.
     data["excavation"] = {"state": state, "states": 3, "taken_m3": 0.9 * lowered_m,
                           "change_in_region_by_state_m3": [0.0] * state + [-0.64 * lowered_m],
@@ -229,6 +230,7 @@ def test_states_without_true_heights_have_the_same_cells_although_the_camera_mov
         del data["workspace"]
         for pose in data["poses_camera_to_world"].values():
             pose[0][3] += 0.003 * state
+        data["settings"]["rig"]["x_m"] = 0.003 * state
         (folder / "pair.json").write_text(json.dumps(data))
     true = run([tmp_path / "set"], tmp_path / "out", cell_m=0.04)["progress"][0]
     # Cells of 4 cm cover the region of 80 cm exactly.

@@ -76,7 +76,7 @@ def test_other_options_sensors_and_images_are_other_rows(dataset, tmp_path, matc
     assert run("bm:window=21,bm") == 0
     assert run("bm", sensor={"sensor": {"bits": 12}}) == 3
     pair = dataset / "pairs" / "b" / "pair.json"
-    pair.write_text(json.dumps(json.loads(pair.read_text()) | {"denoiser": "none"}))
+    pair.write_text(json.dumps(json.loads(pair.read_text()) | {"platform": "elsewhere"}))
     assert run("bm", sensor={"sensor": {"bits": 12}}) == 1
 
 
@@ -156,6 +156,7 @@ def test_a_pair_that_contradicts_itself_is_marked_and_not_averaged(dataset, tmp_
     data = json.loads(path.read_text())
     for topic in (data["camera"], data["settings"]["rig"]):
         topic["baseline_m"] *= 80 / 85.333
+    data["camera"]["focal_baseline_px_m"] *= 80 / 85.333
     path.write_text(json.dumps(data))
     events = []
     report = evaluate([dataset], parse_methods("bm,sgbm"), tmp_path, on_event=events.append)

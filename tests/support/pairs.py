@@ -10,12 +10,14 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import OpenEXR
+from icymoon.physics.camera.blur import is_blurred
 from icymoon.render.pairs.pair_folder import FORMAT, VERSION, StereoCamera
 from icymoon.settings.description import defaults, merged
 
@@ -71,11 +73,17 @@ def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | Non
         depth, light, instance = view(scene, rig, eye)
         light = light * (1 + noise * random.standard_normal(light.shape))
         write_exr(folder / f"{eye}.exr", depth, light, instance, layout, eye, planet_share)
+    complete = merged(settings or defaults(), {"rig": described(rig)})
+    kinds = ["{}.exr"]
+    if rig.toe_in_deg or is_blurred(complete.rig):
+        kinds += ["{}_truth.exr", *(["{}_toed_truth.exr"] if rig.toe_in_deg else [])]
+    names = [kind.format(eye) for kind in kinds for eye in ("left", "right")]
+    for name in names[2:]:
+        shutil.copy(folder / f"{name.split('_')[0]}.exr", folder / name)
     data = {"format": FORMAT, "version": VERSION, "id": id_of(folder.name), "camera": rig.to_json(),
-            "settings": merged(settings or defaults(), {"rig": described(rig)}),
-            "files": {f"{eye}.exr": {"bytes": (folder / f"{eye}.exr").stat().st_size,
-                                     "sha256": hashlib.sha256((folder / f"{eye}.exr").read_bytes()).hexdigest()}
-                      for eye in ("left", "right")}}
+            "settings": complete,
+            "files": {name: {"bytes": (folder / name).stat().st_size,
+                             "sha256": hashlib.sha256((folder / name).read_bytes()).hexdigest()} for name in names}}
     (folder / "pair.json").write_text(json.dumps(data), encoding="utf-8")
     return folder
 

@@ -142,7 +142,8 @@ def test_a_finished_render_does_not_push_a_persons_folder_aside(dataset, again):
 def test_a_file_in_the_place_of_a_pair_stays(dataset):
     (dataset / "pairs").mkdir()
     (dataset / "pairs" / ID).write_text("mine")
-    assert any(p.kind == "kept" for p in verify(dataset, remove_broken=True).problems)
+    problem, = (p for p in verify(dataset, remove_broken=True).problems if p.what == ID)
+    assert problem.kind == "foreign"
     assert (dataset / "pairs" / ID).read_text() == "mine"
 
 

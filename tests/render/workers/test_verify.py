@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.commands.cli import main
+from icymoon.errors import IcyMoonError
 from icymoon.physics.light.baked_rocks import TERMS
 from icymoon.render.pairs import baked_file
 from icymoon.render.pairs.baked_file import BakedLight
@@ -325,3 +326,70 @@ def test_a_link_is_reported_and_nothing_behind_it_changes(dataset, tmp_path, pla
 def test_the_data_set_itself_may_be_reached_by_a_link(dataset, tmp_path):
     (tmp_path / "short").symlink_to(dataset)
     assert verify(tmp_path / "short") == Findings(4, 4, ())
+
+
+# A data set without a plan
+
+def without_plan(dataset: Path) -> Path:
+    (dataset / datasets.PLAN).unlink()
+    return dataset
+
+
+def test_a_data_set_without_a_plan_is_checked_against_what_its_pairs_state(dataset, capsys):
+    assert main(["verify", str(without_plan(dataset))]) == 0
+    note, result = capsys.readouterr().out.splitlines()
+    assert note.startswith(f"{dataset} has no plan.jsonl, so each pair is compared with what it states itself")
+    assert result == "4 pairs, all whole and as stated."
+
+
+@pytest.mark.parametrize(("damage", "words"), [
+    (lambda folder: (folder / "left.exr").write_bytes(b""), "left.exr has 0 bytes"),
+    (lambda folder: change_setting(folder, "surface", "albedo", 0.123), "do not give the id"),
+    (lambda folder: rewrite(folder, seeds={"dataset": 0, "render": 1}), "was rendered with the seed 1"),
+    (lambda folder: folder.rename(folder.with_name("f" * 12)), f"is of pair {PAIRS[1].id}, not {'f' * 12}")])
+def test_a_broken_pair_without_a_plan_is_named(dataset, capsys, damage, words):
+    damage(PAIRS[1].folder(without_plan(dataset)))
+    assert main(["verify", str(dataset)]) == 1
+    said = capsys.readouterr()
+    assert words in said.out
+    assert "icymoon batch" not in said.out + said.err
+
+
+def test_an_edited_pair_without_a_plan_is_whole(dataset):
+    rewrite(PAIRS[1].folder(without_plan(dataset)), edited_by_hand=True, own_files_sha256="x")
+    assert verify(dataset).problems == ()
+
+
+def test_nothing_is_removed_without_a_plan(dataset):
+    (PAIRS[1].folder(without_plan(dataset)) / "left.exr").write_bytes(b"")
+    before = everything(dataset)
+    with pytest.raises(IcyMoonError, match=r"has no plan\.jsonl, so icymoon batch could not make again"):
+        verify(dataset, remove_broken=True)
+    assert everything(dataset) == before
+
+
+def test_a_folder_without_plan_and_pairs_is_no_data_set(tmp_path):
+    with pytest.raises(IcyMoonError, match=r"has no plan\.jsonl and no pairs; give the folder of a data set"):
+        verify(tmp_path)
+
+
+# What a line asks for can be done
+
+@pytest.mark.parametrize("remove", [False, True])
+def test_a_folder_without_pair_json_and_with_foreign_files_is_one_line(dataset, remove):
+    folder = PAIRS[1].folder(dataset)
+    (folder / "pair.json").unlink()
+    (folder / "notes.txt").write_text("x")
+    problems = [problem for problem in verify(dataset, remove).problems if problem.what == PAIRS[1].id]
+    assert len(problems) == 1
+    assert "has no pair.json" in problems[0].text
+    assert "notes.txt is not Icy Moon's; move it out" in problems[0].text
+
+
+def test_what_is_of_no_plan_and_other_seeds_are_told_with_what_to_do(dataset):
+    (dataset / "pairs" / "my pair").mkdir()
+    assert "is not of this plan; move it out of the data set." in the_problem(dataset).text
+    (dataset / "pairs" / "my pair").rmdir()
+    rewrite(PAIRS[1].folder(dataset), seeds={"dataset": 7, "render": PAIRS[1].render_seed})
+    text = the_problem(dataset).text
+    assert "seeds.dataset is 7, and its settings give 0; move the folder away and run icymoon batch." in text

@@ -22,12 +22,12 @@ from icymoon.stereo.export.layouts import FORMATS, export
 
 RIG = pairs.camera(96, 72)
 SCENE = pairs.Scene(sky_rows=6)
-SUN_WM2 = 14.0
+SUN_WM2, TILT = 14.0, 0.5
 
 
 def pose(eye: str, turn: float = 0.3) -> np.ndarray:
     """A camera that looks down, turned about the vertical: camera axes (right, down, forward) to world (4, 4)."""
-    c, s, tilt = math.cos(turn), math.sin(turn), 0.5
+    c, s, tilt = math.cos(turn), math.sin(turn), TILT
     heading = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
     looking = np.array([[1, 0, 0], [0, -math.sin(tilt), math.cos(tilt)], [0, -math.cos(tilt), -math.sin(tilt)]])
     found = np.eye(4)
@@ -36,12 +36,20 @@ def pose(eye: str, turn: float = 0.3) -> np.ndarray:
     return found
 
 
+def described(heading: float, **light):
+    """The settings of which this heading in radians, counterclockwise, gives the ``pose``, and the Sun of the pairs."""
+    return merged(defaults(), {
+        "rig": {"heading_deg": -math.degrees(heading), "pitch_deg": math.degrees(TILT), "x_m": 5.0, "y_m": -2.0},
+        "light": {"directions_from": "ANGLES", "sun_azimuth_deg": 90.0, "sun_irradiance_wm2": SUN_WM2,
+                  "sun_elevation_deg": math.degrees(math.atan2(0.8, 0.6)), "planet": False, **light}})
+
+
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory):
     """Two pairs of one scene, with what rendered pairs state of their poses and of the Sun."""
     root = tmp_path_factory.mktemp("set")
     for k, name in enumerate(("0123456789ab", "ba9876543210")):
-        folder = pairs.write_pair(root / "pairs" / name, SCENE, RIG)
+        folder = pairs.write_pair(root / "pairs" / name, SCENE, RIG, settings=described(0.3 + k))
         data = json.loads((folder / "pair.json").read_text(encoding="utf-8"))
         data["poses_rectified_to_world"] = {eye: pose(eye, 0.3 + k).tolist() for eye in ("left", "right")}
         data["light"] = {"sun": {"direction_to_world": [0.6, 0.0, 0.8], "irradiance_wm2": SUN_WM2}}
@@ -208,8 +216,8 @@ def test_the_radiance_factor_is_that_of_its_formula(dataset, tmp_path):
 
 def test_the_radiance_factor_is_that_of_the_band_under_a_lamp_of_another_colour(dataset, tmp_path):
     """Grey ground is as grey under a lamp of 3200 K, whose light is twice as red as blue."""
-    folder = pairs.write_pair(tmp_path / "lamp" / "pairs" / "0123456789ab", SCENE, RIG, settings=merged(
-        defaults(), {"light": {"sun_temperature_k": 3200.0}}))
+    folder = pairs.write_pair(tmp_path / "lamp" / "pairs" / "0123456789ab", SCENE, RIG, settings=described(
+        0.3, sun_temperature_k=3200.0))
     data = json.loads((dataset / "pairs" / "0123456789ab" / "pair.json").read_text(encoding="utf-8"))
     own = json.loads((folder / "pair.json").read_text(encoding="utf-8"))
     own |= {key: data[key] for key in ("poses_rectified_to_world", "light")}
@@ -230,8 +238,8 @@ def planck(wavelength_m: float, kelvin: float) -> float:
 
 
 def test_there_is_no_radiance_factor_under_a_lamp_nearby(tmp_path, dataset):
-    folder = pairs.write_pair(tmp_path / "pairs" / "0123456789ab", SCENE, RIG, settings=merged(
-        defaults(), {"light": {"sun_distance_m": 3.0}}))
+    folder = pairs.write_pair(tmp_path / "pairs" / "0123456789ab", SCENE, RIG, settings=described(
+        0.3, sun_distance_m=3.0))
     data = json.loads((dataset / "pairs" / "0123456789ab" / "pair.json").read_text(encoding="utf-8"))
     own = json.loads((folder / "pair.json").read_text(encoding="utf-8"))
     data["light"]["sun"]["distance_m"] = 3.0

@@ -21,9 +21,14 @@ pytestmark = pytest.mark.filterwarnings("error")
 POSE = [[1.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 2.0], [0.0, -1.0, 0.0, 3.0], [0.0, 0.0, 0.0, 1.0]]
 
 
-def with_pose(folder, pose=POSE):
+def with_pose(folder, pose=None):
+    """A pair whose left eye has this pose, or a right one, with the right eye beside it."""
     path = folder / "pair.json"
-    path.write_text(json.dumps(json.loads(path.read_text()) | {"poses_camera_to_world": {"left": pose, "right": pose}}))
+    data = json.loads(path.read_text())
+    right = np.array(POSE)
+    right[:3, 3] += right[:3, 0] * data["camera"]["baseline_m"]
+    poses = {"left": POSE if pose is None else pose, "right": right.tolist()}
+    path.write_text(json.dumps(data | {"poses_camera_to_world": poses, "edited_by_hand": True}))
     return folder
 
 
@@ -126,7 +131,7 @@ def test_points_that_are_asked_for_later_need_no_matching(tmp_path, monkeypatch)
     assert [row["images"] for row in shown] == [row["images"] for row in after["rows"]]
 
 
-@pytest.mark.parametrize("pose", [None, [], [[1.0]], "north", [[float("nan")] * 4] * 4])
+@pytest.mark.parametrize("pose", [7, [], [[1.0]], "north", [[float("nan")] * 4] * 4])
 def test_a_pair_with_a_wrong_pose_is_refused(tmp_path, pose):
     folder = with_pose(pairs.write_pair(tmp_path / "pair", rig=pairs.camera(192, 96)), pose)
     with pytest.raises(IcyMoonError, match=r"poses_camera_to_world\.left|NaN"):

@@ -41,12 +41,13 @@ def dataset(tmp_path_factory):
 
 
 def with_sun(folder: Path, elevation_deg: float | None) -> None:
-    """A pair whose settings ask for a date and whose record states the Sun that it had then, or none."""
+    """A pair whose settings ask for a date and whose record states a Sun that was turned by hand, or none."""
     settings = merged(defaults(), {"light": {"directions_from": "DATE", "sun_elevation_deg": 28.0}})
     pairs.write_pair(folder, SCENE, RIG, settings=settings)
     record = json.loads((folder / "pair.json").read_text())
     if elevation_deg is not None:
-        record["light"] = {"sun": SceneSun(toward(30.0, elevation_deg), 50.0, 0.1, "DATE").to_json()}
+        record["light"] = {"sun": SceneSun(toward(30.0, elevation_deg), 50.0, 0.1, "HAND").to_json()}
+        record["edited_by_hand"] = True
     (folder / "pair.json").write_text(json.dumps(record))
 
 

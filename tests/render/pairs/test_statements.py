@@ -1,0 +1,115 @@
+"""What a pair states and its settings contradict is refused where the pair is opened, and listed by ``verify``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from icymoon.commands.cli import main
+from icymoon.errors import IcyMoonError
+from icymoon.render.pairs.pair_folder import find_pairs, read_pair
+from icymoon.stereo.cli import main as stereo
+from olddata import OLD, copied
+from stated_pairs import whole
+
+
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    made = whole(tmp_path / "set" / "pairs" / "0123456789ab")
+    assert read_pair(made).id
+    return made
+
+
+def edit(folder: Path, key: str, value: Any) -> None:
+    """Put another value at a key such as ``camera.K.0.0``; a function makes it from the one that is there."""
+    path = folder / "pair.json"
+    data = json.loads(path.read_text())
+    *way, last = [int(part) if part.isdigit() else part for part in key.split(".")]
+    inner = data
+    for part in way:
+        inner = inner[part]
+    inner[last] = value(inner[last]) if callable(value) else value
+    path.write_text(json.dumps(data))
+
+
+FALSE = [("camera.K.0.0", 60.0), ("camera.focal_baseline_px_m", 1.0), ("camera.pixel_centre", "(u, v)"),
+         ("poses_rectified_to_world.right.0.3", 0.3), ("poses_rectified_to_world.left.0.3", 0.3),
+         ("poses_rectified_to_world.left.1.1", lambda x: x + 1e-4), ("poses_camera_to_world.left.2.3", 1.0),
+         ("poses_camera_to_world.right.3.3", 2.0), ("light.sun.elevation_deg", lambda x: x + 0.01),
+         ("light.sun.azimuth_deg", lambda x: x + 0.01), ("light.sun.elevation_deg", "high"),
+         ("light.sun.direction_to_world", [0.0, 0.0, 1.0]), ("light.sun.irradiance_wm2", 1.0),
+         ("light.sun.ground_irradiance_wm2", 1.0), ("light.sun.distance_m", 3.0), ("light.planet", {}),
+         ("light.j2000_to_world.0.0", 0.5), ("light.sun.source", "HAND"), ("denoiser", "OPTIX"), ("device", "GPU"),
+         ("workspace", {"file": "left.exr", "cell_m": 0.1, "origin_m": [0, 0], "shape": [2, 2]}),
+         ("blur", {"focus_distance_m": 1.0})]
+
+
+@pytest.mark.parametrize(("key", "value"), FALSE, ids=[f"{key}-{k}" for k, (key, _) in enumerate(FALSE)])
+def test_what_settings_contradict_is_named_with_both_values(folder, key, value):
+    edit(folder, key, value)
+    name = key.split(".")[0]
+    with pytest.raises(IcyMoonError, match=rf"pair\.json: {name}\S* is .*, and its settings give .*; move the folder "
+                                           r"away and render the pair again\.$"):
+        read_pair(folder)
+
+
+def test_files_that_settings_do_not_give_are_refused(folder):
+    edit(folder, "files.left_truth", {"bytes": 1, "sha256": "0" * 64})
+    with pytest.raises(IcyMoonError, match="files has left_truth, and its settings give no such file"):
+        read_pair(folder)
+
+
+def test_what_single_precision_and_six_digits_of_a_heading_do_is_accepted(folder):
+    for eye in ("left", "right"):
+        for key in ("poses_rectified_to_world", "poses_camera_to_world"):
+            edit(folder, f"{key}.{eye}.1.1", lambda x: x + 1e-5)
+    edit(folder, "light.sun.irradiance_wm2", lambda x: float(np.float32(x)))
+    edit(folder, "light.sun.azimuth_deg", lambda x: x + 360.0)
+    read_pair(folder)
+
+
+def test_a_scene_that_was_edited_by_hand_has_its_own_pose_and_sun(folder):
+    edit(folder, "edited_by_hand", True)
+    sun = {"source": "HAND", "direction_to_world": [0.0, 0.6, 0.8], "elevation_deg": 53.130102, "azimuth_deg": 0.0,
+           "irradiance_wm2": 10.0, "angular_diameter_deg": 1.0, "ground_irradiance_wm2": 8.0}
+    edit(folder, "light.sun", sun)
+    for eye, x_m in (("left", 5.0), ("right", 5.25)):
+        pose = [[1.0, 0.0, 0.0, x_m], [0.0, 0.0, 1.0, 2.0], [0.0, -1.0, 0.0, 3.0], [0.0, 0.0, 0.0, 1.0]]
+        edit(folder, f"poses_rectified_to_world.{eye}", pose)
+        edit(folder, f"poses_camera_to_world.{eye}", pose)
+    read_pair(folder)
+    edit(folder, "light.sun.elevation_deg", 20.0)
+    with pytest.raises(IcyMoonError, match=r"light\.sun\.elevation_deg is 20\.0"):
+        read_pair(folder)
+    edit(folder, "light.sun", sun)
+    edit(folder, "poses_rectified_to_world.right.0.3", 5.3)
+    with pytest.raises(IcyMoonError, match=r"poses_rectified_to_world\.right\[0\]\[3\] is 5\.3"):
+        read_pair(folder)
+
+
+def test_settings_that_give_no_pair_are_told_in_a_sentence(folder):
+    edit(folder, "settings.rig.sensor_width_mm", 0.0)
+    with pytest.raises(IcyMoonError, match="its settings give no pair"):
+        read_pair(folder)
+
+
+@pytest.mark.parametrize("old", OLD)
+def test_nothing_is_measured_or_exported_of_a_pair_that_contradicts_itself(old, tmp_path, capsys):
+    dataset = copied(old, tmp_path)
+    folder = find_pairs(dataset)[0].folder
+    edit(folder, "poses_rectified_to_world.right.0.3", lambda x: x + 0.05)
+    assert main(["verify", str(dataset)]) == 1
+    said = capsys.readouterr()
+    line, = said.out.splitlines()
+    assert "poses_rectified_to_world.right[0][3] is " in line
+    assert line.endswith("Its files are as they were rendered, so --remove leaves it.")
+    assert "--remove takes away" not in said.err
+    for verb in (["evaluate", "--methods", "bm"], ["export", "--format", "colmap"]):
+        assert stereo([verb[0], str(folder), "--out", str(tmp_path / verb[0]), *verb[1:]]) == 1
+    assert "poses_rectified_to_world" in capsys.readouterr().err
+    folder.rename(tmp_path / "away")
+    assert main(["verify", str(dataset)]) == 1
+    assert capsys.readouterr().out.splitlines() == [f"Pair {folder.name} is missing."]
