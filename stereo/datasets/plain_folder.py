@@ -11,6 +11,7 @@
 
 ``{pair}`` stands for the name of a pair. ``images`` may have ``linear`` (true: the images are in proportion to light).
 ``truth`` has ``disparity`` (px) or ``depth`` (m), and may have ``steps`` (what the file counts per px or metre),
+``channel`` (the name of the channel of an EXR file, or of the array of an npz, that holds the map),
 ``along`` ("ray" for distances from the eye, "axis" for depths along the optical axis),
 ``right`` (the same map of the right eye) and ``visible`` (an image that is 255 where the right eye sees the point too).
 ``camera`` may have ``cx_px`` and ``cy_px``, from the corner of the first pixel, and ``doffs_px``, the column of the
@@ -43,7 +44,7 @@ _SIZE = Kind("a number from 1e-9 to 1e9", lambda value: POSITIVE.fits(value) and
 _SHAPE: dict[str, dict[str, Any]] = {
     "images": {"left": TEXT, "right": TEXT, "linear": Maybe(FLAG)},
     "truth": {"disparity": Maybe(TEXT), "depth": Maybe(TEXT), "steps": Maybe(_NOT_ZERO), "right": Maybe(TEXT),
-              "visible": Maybe(TEXT), "along": Maybe(_ALONG)},
+              "visible": Maybe(TEXT), "along": Maybe(_ALONG), "channel": Maybe(TEXT)},
     "camera": {"focal_px": _SIZE, "baseline_m": _SIZE, "cx_px": Maybe(NUMBER), "cy_px": Maybe(NUMBER),
                "doffs_px": Maybe(NUMBER)}}
 _FIX = "write it as the manual's page on foreign data shows"
@@ -117,12 +118,13 @@ def _pair(root: Path, path: Path, name: str, kind: str, patterns: dict[str, str]
         return find_inside(root, patterns[key].replace(_PLACE, name))
 
     steps, along_ray = data["truth"].get("steps"), data["truth"].get("along") == "ray"
+    channel = data["truth"].get("channel")
     if along_ray and kind != "depth":
         raise IcyMoonError(f"{path}: truth.along is of depths, and there are disparities; leave it out.")
     return ForeignPair(
         safe_name(name), root, "Plain folder", name, file("left"), file("right"),
-        MapFile(file(kind), kind, steps, along_ray), partial(_camera, data["camera"]), (path,),
-        MapFile(file("truth_right"), kind, steps, along_ray) if "truth_right" in patterns else None,
+        MapFile(file(kind), kind, steps, along_ray, channel=channel), partial(_camera, data["camera"]), (path,),
+        MapFile(file("truth_right"), kind, steps, along_ray, channel=channel) if "truth_right" in patterns else None,
         Mask("seen", (file("visible"),)) if "visible" in patterns else None, linear=data["images"].get("linear", False))
 
 
