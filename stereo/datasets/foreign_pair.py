@@ -28,23 +28,12 @@ from ..measure.prepare import Prepared
 from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
 from .input_faults import WRONG_SIGN, check_truth
+from .visibility import Mask, check_right_truth, read_mask, right_camera
 
 #: Share of the width that matchers search where a data set states no range.
 _SEARCHED_SHARE = 0.25
 #: Makes the camera of images of this width and height.
 CameraReader = Callable[[int, int], StereoCamera]
-
-
-@dataclass(frozen=True)
-class Mask:
-    """Which pixels the right eye sees too, in image files.
-
-    ``kind``: "seen" (255 where it does, as Middlebury's nocc), "hidden" (not 0 where it does not, in one of the files,
-    as Sintel's occlusions), or "known" (there is a disparity where it does, as KITTI's noc).
-    """
-
-    kind: str
-    files: tuple[Path, ...]
 
 
 @dataclass(frozen=True)
@@ -99,7 +88,7 @@ class ForeignPair:
         places = find_places(*grey)
         disparity, notes, warnings = self._true_disparity(camera, left, places)
         truth = camera.depth(disparity)
-        visible, known = self._visible(disparity, truth, camera, left)
+        visible, known, doubts = self._visible(disparity, truth, camera, left)
         gradient = texture(grey[0])
         classes = classify(truth, visible, gradient, grey[0], None, None, None)
         if not known:
@@ -108,7 +97,7 @@ class ForeignPair:
         most = STEP_PX * math.ceil(min(count, camera.width_px, MOST_PX) / STEP_PX) - 1
         pair = PhotographedPair(self.name, self.folder, camera, SearchRange(0, most, FIXED))
         scale = colours.depth_scale(truth)
-        facts = self._facts(camera, truth, visible if known else None, notes, warnings)
+        facts = self._facts(camera, truth, visible if known else None, notes, [*warnings, *doubts])
         facts["depth_scale_m"] = [scale.low, scale.high]
         return Prepared(pair, left, right, truth, visible, gradient, classes, _UNCHECKED, scale, facts, known)
 
@@ -143,27 +132,18 @@ class ForeignPair:
         return -values if self.either_sign and known.any() and np.mean(values[known] < 0) >= WRONG_SIGN else values
 
     def _visible(self, disparity: np.ndarray, truth: np.ndarray, camera: StereoCamera,
-                 image: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Where the right eye sees the point of a pixel too, and whether that is known of more than the frame."""
+                 image: np.ndarray) -> tuple[np.ndarray, bool, list[str]]:
+        """Where the right eye sees the point of a pixel too, whether that is known of more than the frame, and warnings
+        about it."""
         inside = np.isfinite(truth) & is_in_frame(matching_column(disparity))
         if self.mask:
-            return inside & self._unmasked(self.mask, image), True
+            return inside & read_mask(self.mask, disparity), True, []
         if self.truth_right:
-            other = camera.depth(_as_disparity(self._values(self.truth_right, camera, image), self.truth_right.kind,
-                                               camera))
-            return visible_in_right(truth, other, camera), True
-        return inside, False
-
-    def _unmasked(self, mask: Mask, image: np.ndarray) -> np.ndarray:
-        if mask.kind == "known":
-            seen = np.isfinite(read_map(MapFile(mask.files[0])))
-        else:
-            masks = [to_grey(read_image(path)) for path in mask.files]
-            seen = masks[0] == 255 if mask.kind == "seen" else np.logical_and.reduce([each == 0 for each in masks])
-        if seen.shape != image.shape[:2]:
-            raise IcyMoonError(f"{mask.files[0]} is {describe_size(seen)}, and the images are "
-                               f"{describe_size(image)}; give a mask of these images.")
-        return np.asarray(seen)
+            values = self._values(self.truth_right, right_camera(camera), image)
+            warnings = check_right_truth(self.truth_right, values, camera, disparity)
+            other = camera.depth(_as_disparity(values, self.truth_right.kind, camera))
+            return visible_in_right(truth, other, camera), True, warnings
+        return inside, False, []
 
     def _facts(self, camera: StereoCamera, truth: np.ndarray, visible: np.ndarray | None,
                notes: Sequence[str], warnings: Sequence[str]) -> dict[str, Any]:

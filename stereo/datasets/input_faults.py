@@ -78,7 +78,7 @@ def _describe(fault: Fault, kind: str) -> str:
     what = "depths" if kind == "depth" else "disparities"
     if fault.kind == "factor":
         large = fault.factor > 1
-        size = _round_factor(fault.factor if large else 1 / fault.factor)
+        size = round_factor(fault.factor if large else 1 / fault.factor)
         return (f"has {what} that are {size:g} times too {'large; divide' if large else 'small; multiply'} them by "
                 f"{size:g}")
     return {
@@ -93,7 +93,7 @@ def _describe(fault: Fault, kind: str) -> str:
         "right_eye": "is the map of the right eye; give the left one's"}[fault.kind]
 
 
-def _round_factor(size: float) -> float:
+def round_factor(size: float) -> float:
     """A factor between units that a measured one is, else three of its digits."""
     near = min(_FACTORS, key=lambda factor: abs(size / factor - 1))
     return near if abs(size / near - 1) <= _NEAR else float(f"{size:.3g}")

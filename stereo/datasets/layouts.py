@@ -22,9 +22,10 @@ from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
 from . import calibrations
 from .data_files import MapFile, find_inside
-from .foreign_pair import CameraReader, ForeignPair, Mask, safe_name
+from .foreign_pair import CameraReader, ForeignPair, safe_name
 from .plain_folder import FILE as PLAIN_FILE
 from .plain_folder import plain_pairs
+from .visibility import Mask
 
 #: Cameras of SceneFlow by a part of the path: focal length, px. All have this principal point and a baseline of 1.
 _SCENEFLOW_FOCAL_PX, _SCENEFLOW_SHORT_PX = 1050.0, 450.0

@@ -33,7 +33,8 @@ from ...render.pairs.pair_folder import StereoCamera
 from ...suggestions import nearest
 from ...support.foreign_bytes import parse_toml
 from .data_files import MapFile, find_inside, read_text
-from .foreign_pair import ForeignPair, Mask, safe_name
+from .foreign_pair import ForeignPair, safe_name
+from .visibility import Mask
 
 FILE = "pairs.toml"
 _PLACE = "{pair}"
@@ -68,6 +69,9 @@ def plain_pairs(root: Path) -> list[ForeignPair]:
     if len(kinds) != 1:
         raise IcyMoonError(f"{path}: the table truth has {'both' if kinds else 'neither'} disparity and depth; name "
                            "one of them.")
+    if patterns.get("truth_right") == patterns[kinds[0]]:
+        raise IcyMoonError(f"{path}: truth.right names the files of truth.{kinds[0]}, which are of the left eye; name "
+                           "those of the right eye, or leave it out.")
     names = _names(root, patterns["left"])
     if not names:
         raise IcyMoonError(f"{path}: there is no file {patterns['left']}; correct images.left.")

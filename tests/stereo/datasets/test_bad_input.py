@@ -63,7 +63,7 @@ def test_a_calibration_that_lacks_a_line(tmp_path, line, words):
 @pytest.mark.parametrize(("line", "words"), [
     ("baseline=0", "gives a baseline of 0"), ("baseline=none", "'none', not a number"),
     ("cam0=[100 0 47.5; 0 100 31.5]", "not 9 numbers"), ("width=48", "is for 48 x 64 px"),
-    ("dymax=nan", "not a number"), ("doffs=0", "states doffs 0 px, and the principal points of cam0 and cam1 are 20 px"),
+    ("dymax=nan", "not a number"), ("doffs=0", "doffs 0 px, and the principal points of cam0 and cam1 are 20 px apart"),
     ("cam1=[100 0 47.5; 0 100 31.5; 0 0 1]", "are 0 px apart; correct the one that is wrong"),
     ("cam1=[100 0 47.5]", "not 9 numbers")])
 def test_a_calibration_with_a_wrong_number(tmp_path, line, words):
