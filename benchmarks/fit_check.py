@@ -82,6 +82,9 @@ MASK_FAULTS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
 def judge_visibility(folder: Path, counts: dict[str, Counter[str]]) -> None:
     """Count what is found in the right eye's truth and in the mask of a pair."""
     loaded = load(folder, {})
+    if not loaded.visible["left"].any():
+        print(f"{folder.name}: the right eye sees nothing of what the left one does")
+        return
     camera = loaded.pair.camera.rectified
     disparity = camera.disparity(loaded.depth["left"])
     for name, (make, kind, wanted) in RIGHT_FAULTS.items():

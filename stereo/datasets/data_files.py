@@ -17,6 +17,7 @@ from ...formats import tiff
 from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
 from ..adapters.icymoon_serve import drop_single_axes
 from ..images.bounded_decoding import decode, decode_exr
+from ..images.exif import UPRIGHT
 from ..images.exr_header import EXR, parse_channels
 from ..images.image_files import parse_pfm, read_pfm
 from ..images.image_headers import MOST_IMAGE_MEMORY, PNG, Encoded, check_size, parse_picture, parse_png
@@ -88,13 +89,29 @@ def read_image(path: Path) -> np.ndarray:
     return image
 
 
-def _decode_image(foreign: ForeignBytes) -> np.ndarray:
+def read_orientation(path: Path) -> int:
+    """The EXIF orientation, 1 to 8, of a PNG, JPEG or WebP image, by which viewers turn it; ``read_image`` does not.
+
+    Raises IcyMoonError as ``read_image`` does.
+    """
+    return read(path, _parse_image, "a whole image", _AGAIN, memory=MOST_IMAGE_MEMORY).orientation
+
+
+def _parse_image(foreign: ForeignBytes) -> Encoded:
     is_tiff = foreign.part(0, min(4, foreign.size)) in _TIFFS
-    return decode(_parse_tiff_image(foreign) if is_tiff else parse_picture(foreign))
+    return _parse_tiff_image(foreign) if is_tiff else parse_picture(foreign)
+
+
+def _decode_image(foreign: ForeignBytes) -> np.ndarray:
+    return decode(_parse_image(foreign))
 
 
 def _parse_tiff_image(foreign: ForeignBytes) -> Encoded:
     image = tiff.read_directories(foreign)[0]
+    orientation = image.number(274, UPRIGHT)
+    if orientation != UPRIGHT:
+        raise RefusedError(f"states the orientation {orientation}, by which some programs turn it and others do not; "
+                           "save it as PNG, as the calibration has it.")
     height, width = image.shape
     # A palette stands for three bands; OpenCV widens small numbers.
     value_bytes = max(4, image.number(277, 1)) * max(1, -(-image.number(258, 8) // 8))

@@ -7,6 +7,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,12 +23,13 @@ from ..images.disparity_and_occlusion import ESTIMATED, MASK, visible_in_right
 from ..images.image_values import describe_size, to_grey
 from ..matchers.search_range import FIXED, MOST_PX, STEP_PX, SearchRange
 from ..measure.by_pixel_class import OCCLUSION, classify, texture
-from ..measure.fit_check import Places, find_places, ray_lengths, without_far_plateau
+from ..measure.fit_check import Places, find_places, is_confirmed, ray_lengths, without_far_plateau
 from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
 from .input_faults import WRONG_SIGN, check_truth
+from .turned_images import find_turned, refuse_turned
 from .visibility import Mask, check_right_truth, read_mask, right_camera
 
 #: Share of the width that matchers search where a data set states no range.
@@ -76,7 +78,9 @@ class ForeignPair:
         Raises IcyMoonError with the name of the file and the fix if one is missing, damaged or does not fit.
         """
         left, right = (self._image(path) for path in (self.left, self.right))
+        turned = find_turned((self.left, self.right))
         if left.shape[:2] != right.shape[:2]:
+            refuse_turned(turned)
             raise IcyMoonError(f"{self.left} is {describe_size(left)}, and {self.right} is {describe_size(right)}; "
                                "give two rectified images of one size.")
         camera = self.camera_reader(left.shape[1], left.shape[0])
@@ -86,7 +90,7 @@ class ForeignPair:
                                f"{camera.height_px} px; give the calibration of these images.")
         grey = to_grey(left), to_grey(right)
         places = find_places(*grey)
-        disparity, notes, warnings = self._true_disparity(camera, left, places)
+        disparity, notes, warnings = self._true_disparity(camera, left, places, turned)
         truth = camera.depth(disparity)
         visible, known, doubts = self._visible(disparity, truth, camera, left)
         gradient = texture(grey[0])
@@ -108,22 +112,32 @@ class ForeignPair:
         level = np.clip(radiance / (self.white or float(radiance.max()) or 1.0), 0, 1)
         return np.asarray(np.rint(255 * level).astype(np.uint8))
 
-    def _true_disparity(self, camera: StereoCamera, image: np.ndarray,
-                        places: Places) -> tuple[np.ndarray, list[str], list[str]]:
-        """The true disparity of the left eye, notes on how it was read, and warnings about it."""
-        values, notes = self._values(self.truth, camera, image), []
+    def _true_disparity(self, camera: StereoCamera, image: np.ndarray, places: Places,
+                        turned: Mapping[Path, int]) -> tuple[np.ndarray, list[str], list[str]]:
+        """The true disparity of the left eye, notes on how it was read, and warnings about it.
+
+        It must confirm the images that viewers show ``turned``.
+        """
+        values, notes = self._values(self.truth, camera, image, turned), []
         if self.truth.kind == "depth":
             values, far = without_far_plateau(values, camera, places)
             if far is not None:
                 notes.append(f"{self.truth.path}: pixels of the one depth {far:g} m, far beyond all others, were taken "
                              "for sky, which has no truth.")
+        if turned:
+            if not is_confirmed(values, self.truth.kind, camera, places):
+                refuse_turned(turned)
+            notes.append("Images state an EXIF orientation by which viewers turn them; their pixels were taken as they "
+                         "are stored, which the truth confirms.")
         warnings = check_truth(self, values, camera, places)
         return _as_disparity(values, self.truth.kind, camera), notes, warnings
 
-    def _values(self, file: MapFile, camera: StereoCamera, image: np.ndarray) -> np.ndarray:
+    def _values(self, file: MapFile, camera: StereoCamera, image: np.ndarray,
+                turned: Mapping[Path, int] = MappingProxyType({})) -> np.ndarray:
         """The depths along the optical axis, or the disparities, of a map."""
         values = read_map(file)
         if values.shape != image.shape[:2]:
+            refuse_turned(turned)
             raise IcyMoonError(f"{file.path} is {describe_size(values)}, and the images are "
                                f"{describe_size(image)}; give a map with a number for each pixel of the left image.")
         if file.along_ray:

@@ -124,6 +124,12 @@ def find_fault(values: np.ndarray, kind: str, camera: StereoCamera, places: Plac
     return best
 
 
+def is_confirmed(values: np.ndarray, kind: str, camera: StereoCamera, places: Places) -> bool:
+    """Whether the images have enough places, and most of them are where a map ``values`` (H, W) of "depth" (m) or
+    "disparity" (px), NaN where unknown, puts them."""
+    return places.enough() and _share(_reading(values, kind, camera), places.left, places.step) >= _FITS
+
+
 def without_far_plateau(depth_m: np.ndarray, camera: StereoCamera, places: Places) -> tuple[np.ndarray, float | None]:
     """A depth map (H, W) with NaN at its plateau of one far value, which some programs write where a ray meets
     nothing, and that value; None if there is no such plateau.
