@@ -112,6 +112,34 @@ def test_a_true_depth_in_millimetres(tmp_path):
     refused(root, "a.npy has depths that are 1000 times too large; divide them by 1000", "truth.steps")
 
 
+@pytest.mark.parametrize(("focal_px", "baseline_m", "words"), [
+    (280, 0.5, "2 times too small; multiply them by 2, or state truth.steps in pairs.toml, unless camera.focal_px or "
+               "camera.baseline_m there is 2 times too large"),
+    (140, 500, "1000 times too small; multiply them by 1000"), (140, 0.05, "is 10 times too small, which looks the")])
+def test_depths_that_a_wrong_camera_contradicts(tmp_path, focal_px, baseline_m, words):
+    """A common factor does not tell whether the depths or the camera are wrong."""
+    root = plain(tmp_path, 70 / foreign.constant(), 'depth = "truth/{pair}.npy"')
+    text = (root / "pairs.toml").read_text()
+    (root / "pairs.toml").write_text(text.replace("focal_px = 140", f"focal_px = {focal_px}").replace(
+        "baseline_m = 0.5", f"baseline_m = {baseline_m}"))
+    refused(root, "a.npy has depths that are", words)
+
+
+@pytest.mark.parametrize(("focal_px", "baseline_m", "words"), [
+    (140, 0.5, None), (140, 500, "The baseline is 500 m, outside of 0.001 to 3 m"), (140, 2e-4, "baseline is 0.0002"),
+    (4, 0.5, "The focal length is 4 px, outside of 14.4 to 2880 px for images of 96 px"), (9000, 0.5, "9000 px")])
+def test_a_camera_that_no_stereo_head_has_is_doubtful(tmp_path, focal_px, baseline_m, words):
+    """Disparities do not tell its lengths."""
+    root = plain(tmp_path, foreign.constant())
+    text = (root / "pairs.toml").read_text()
+    (root / "pairs.toml").write_text(text.replace("focal_px = 140", f"focal_px = {focal_px}").replace(
+        "baseline_m = 0.5", f"baseline_m = {baseline_m}"))
+    source, = find_sources([root])
+    warnings = source.prepare({}).facts["warnings"]
+    assert len(warnings) == (words is not None)
+    assert words is None or words in warnings[0]
+
+
 def test_exchanged_eyes(tmp_path):
     root = plain(tmp_path, foreign.constant())
     for eye, image in zip(("right", "left"), foreign.eyes(), strict=True):
