@@ -162,17 +162,25 @@ def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[np.ndarray, float]
         return values, 1.0
     if start.startswith(_TIFFS):
         return _parse_tiff(foreign), 1.0
-    raise RefusedError("is no map that is read here; save it as PFM, PNG of 256 steps per px, npy, EXR or TIFF.")
+    raise RefusedError(f"is no map that is read here; save it as PFM, npy, EXR, TIFF or {_describe_png(file)}.")
+
+
+def _describe_png(file: MapFile) -> str:
+    """How a map stands in a PNG."""
+    return ("16-bit PNG of 256 steps per px" if file.kind == "disparity" else
+            "16-bit PNG with its steps per metre as truth.steps in pairs.toml")
 
 
 def _steps_of(image: np.ndarray, file: MapFile) -> np.ndarray:
     """The numbers of a PNG: of 8 bits only where their steps are stated, since such a file may be a mere picture."""
     if image.ndim != 2:
-        raise RefusedError("is a picture, not a map: it has colours; write one number per pixel, as 256 steps per px.")
+        raise RefusedError("is a picture, not a map: it has colours; write one number per pixel, as PFM or "
+                           f"{_describe_png(file)}.")
     if image.dtype == np.uint8 and file.steps is None:
         raise RefusedError("is a picture, not a map, unless it is known what it counts; "
                            + ("write 256 steps per px with 16 bits, or PFM." if file.predicted else
-                              "state its steps per px as truth.steps in pairs.toml."))
+                              f"state its steps per {'px' if file.kind == 'disparity' else 'metre'} as truth.steps in "
+                              "pairs.toml."))
     return image
 
 

@@ -28,7 +28,7 @@ from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
-from .input_faults import WRONG_SIGN, check_truth, doubt_camera
+from .input_faults import WRONG_SIGN, check_map_size, check_truth, doubt_camera
 from .turned_images import find_turned, refuse_turned
 from .visibility import Mask, check_right_truth, read_mask, right_camera
 
@@ -139,8 +139,7 @@ class ForeignPair:
         values = read_map(file)
         if values.shape != image.shape[:2]:
             refuse_turned(turned)
-            raise IcyMoonError(f"{file.path} is {describe_size(values)}, and the images are "
-                               f"{describe_size(image)}; give a map with a number for each pixel of the left image.")
+            check_map_size(file.path, values.shape, image.shape[:2], file.kind, "the images are")
         if file.along_ray:
             values = values / ray_lengths(camera)
         known = np.isfinite(values)

@@ -136,7 +136,7 @@ def check_prediction(path: Path, disparity: np.ndarray, true_depth: np.ndarray, 
     """Raise IcyMoonError if a ``disparity`` map, NaN where there is none, is of another size, sign, unit or orientation
     than the pair, whose ``true_depth`` in metres is NaN where unknown."""
     true_disparity = camera.disparity(true_depth)
-    _check_shape(path, disparity.shape, true_disparity.shape)
+    check_map_size(path, disparity.shape, true_disparity.shape, "disparity")
     known = np.isfinite(disparity)
     if not known.any():
         raise IcyMoonError(f"{path} has no number in any pixel; run the method on this pair again.")
@@ -168,16 +168,25 @@ def check_prediction(path: Path, disparity: np.ndarray, true_depth: np.ndarray, 
         raise IcyMoonError(f"{path} {_describe(fault, 'disparity')}.")
 
 
-def _check_shape(path: Path, shape: tuple[int, ...], wanted: tuple[int, ...]) -> None:
-    if shape == wanted:
-        return
-    has = f"{path} is {shape[1]} x {shape[0]} px, and the pair is {wanted[1]} x {wanted[0]} px"
+def check_map_size(path: Path, shape: tuple[int, ...], wanted: tuple[int, ...], kind: str, beside: str = "the pair is"
+                   ) -> None:
+    """Raise IcyMoonError if a map of ``kind`` "depth" or "disparity" has a ``shape`` other than the ``wanted`` one of
+    what is ``beside`` it; the fix is the change of size that is likely."""
+    if shape != wanted:
+        raise IcyMoonError(f"{path} is {shape[1]} x {shape[0]} px, and {beside} {wanted[1]} x {wanted[0]} px; "
+                           f"{_find_resize(shape, wanted, kind)}.")
+
+
+def _find_resize(shape: tuple[int, ...], wanted: tuple[int, ...], kind: str) -> str:
     share = Fraction(shape[1], wanted[1])
     if Fraction(shape[0], wanted[0]) == share and 1 in (share.numerator, share.denominator):
-        raise IcyMoonError(f"{has}; enlarge the map to that size and multiply its disparities by {1 / share}."
-                           if share < 1 else
-                           f"{has}; reduce the map to that size and divide its disparities by {share}.")
-    raise IcyMoonError(f"{has}; give a disparity for each pixel of the left image.")
+        change = "enlarge" if share < 1 else "reduce"
+        numbers = "keep its depths as they are" if kind == "depth" else (
+            f"multiply its disparities by {1 / share}" if share < 1 else f"divide its disparities by {share}")
+        return f"{change} the map to that size and {numbers}"
+    if shape == wanted[::-1]:
+        return "exchange its rows and columns"
+    return f"give a {kind} for each pixel of the image"
 
 
 def _is_unit(ratio: np.ndarray, factor: float) -> bool:

@@ -85,6 +85,31 @@ def test_sizes_that_differ(tmp_path):
     refused(root, "a.npy is 96 x 60 px, and the images are 96 x 64 px")
 
 
+@pytest.mark.parametrize(("kind", "change", "words"), [
+    ("disparity", lambda a: a.repeat(2, 0).repeat(2, 1), "192 x 128 px, and the images are 96 x 64 px; reduce the map "
+                                                         "to that size and divide its disparities by 2."),
+    ("disparity", lambda a: a[::4, ::4], "enlarge the map to that size and multiply its disparities by 4."),
+    ("depth", lambda a: a.repeat(2, 0).repeat(2, 1), "reduce the map to that size and keep its depths as they are."),
+    ("depth", lambda a: a.T, "is 64 x 96 px, and the images are 96 x 64 px; exchange its rows and columns."),
+    ("depth", lambda a: a[:60], "give a depth for each pixel of the image.")])
+def test_a_truth_of_another_size_is_told_how_to_become_right(tmp_path, kind, change, words):
+    refused(plain(tmp_path, change(foreign.constant()), f'{kind} = "truth/{{pair}}.npy"'), words)
+
+
+@pytest.mark.parametrize(("kind", "unit"), [("depth", "metre"), ("disparity", "px")])
+def test_the_fix_of_a_picture_has_the_unit_of_the_map(tmp_path, kind, unit):
+    path = foreign.write_image(tmp_path / "a.png", foreign.eyes()[0])
+    with pytest.raises(IcyMoonError, match=f"state its steps per {unit} as truth.steps"):
+        read_map(MapFile(path, kind))
+    for content in (foreign.eyes(colour=True)[0], None):
+        if content is None:
+            path.write_bytes(b"GIF89a")
+        else:
+            foreign.write_image(path, content)
+        with pytest.raises(IcyMoonError, match=rf"16-bit PNG .*steps per {unit}\b"):
+            read_map(MapFile(path, kind))
+
+
 def test_a_truth_without_a_number(tmp_path):
     refused(plain(tmp_path, foreign.constant(np.nan)), "a.npy has no known value")
 
