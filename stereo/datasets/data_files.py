@@ -52,21 +52,19 @@ class MapFile:
 
 
 def find_inside(root: Path, name: str | Path) -> Path:
-    """The file ``name`` in the folder ``root``; reading it tells whether it is a regular one.
+    """The file ``name`` in the folder ``root``; reading it tells whether it is there, and a regular one.
 
-    Raises IcyMoonError if it is missing, or outside.
+    Raises IcyMoonError if it is outside.
     """
     path = root / name
     try:
-        inside, there = path.resolve().is_relative_to(root.resolve()), path.exists() or path.is_symlink()
+        inside = path.resolve().is_relative_to(root.resolve())
     except (OSError, RuntimeError):  # a link that leads to itself, and nowhere else
         return path
     except ValueError:
         raise IcyMoonError(f"{root} names a file with characters that no path can have; write another name.") from None
     if not inside:
         raise IcyMoonError(f"{path} is outside of {root}, and only files in a data set are read; copy it there.")
-    if not there:
-        raise IcyMoonError(f"{path} is missing; add it, or give another folder.")
     return path
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -34,6 +35,8 @@ from .visibility import Mask, check_right_truth, read_mask, right_camera
 
 #: Share of the width that matchers search where a data set states no range.
 _SEARCHED_SHARE = 0.25
+#: Rows of matching pixels may differ by this, px, before it is reported.
+_LEVEL_PX = 0.5
 #: Makes the camera of images of this width and height.
 CameraReader = Callable[[int, int], StereoCamera]
 
@@ -57,8 +60,8 @@ class ForeignPair:
     linear: bool = False  # the images are in proportion to light, as our own are
     either_sign: bool = False  # the sign of the disparities differs between the releases of the data set
     notes: tuple[str, ...] = ()  # facts about the data
-    warnings: tuple[str, ...] = ()  # what makes results doubtful
-    disparities: int | None = None  # that the data set states to be enough to search
+    row_offset_reader: Callable[[], float] | None = None  # of the largest distance of matching rows, px
+    disparities_reader: Callable[[], int | None] | None = None  # of how many disparities are stated to be enough
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -77,6 +80,9 @@ class ForeignPair:
 
         Raises IcyMoonError with the name of the file and the fix if one is missing, damaged or does not fit.
         """
+        for path in self.files:
+            if not os.path.lexists(path):
+                raise IcyMoonError(f"{path} is missing; add it, or leave out this pair.")
         left, right = (self._image(path) for path in (self.left, self.right))
         turned = find_turned((self.left, self.right))
         if left.shape[:2] != right.shape[:2]:
@@ -97,11 +103,12 @@ class ForeignPair:
         classes = classify(truth, visible, gradient, grey[0], None, None, None)
         if not known:
             classes[OCCLUSION.key] = np.full(truth.shape, -1)
-        count = self.disparities or math.ceil(_SEARCHED_SHARE * camera.width_px)
+        stated = self.disparities_reader() if self.disparities_reader else None
+        count = stated or math.ceil(_SEARCHED_SHARE * camera.width_px)
         most = STEP_PX * math.ceil(min(count, camera.width_px, MOST_PX) / STEP_PX) - 1
         pair = PhotographedPair(self.name, self.folder, camera, SearchRange(0, most, FIXED))
         scale = colours.depth_scale(truth)
-        warnings = [*doubt_camera(camera), *warnings, *doubts]
+        warnings = [*self._doubt_rows(), *doubt_camera(camera), *warnings, *doubts]
         facts = self._facts(camera, truth, visible if known else None, notes, warnings)
         facts["depth_scale_m"] = [scale.low, scale.high]
         return Prepared(pair, left, right, truth, visible, gradient, classes, _UNCHECKED, scale, facts, known)
@@ -169,9 +176,14 @@ class ForeignPair:
                 "visible": None if visible is None else float(visible.sum() / known.sum()),
                 "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))],
                 "notes": [self._missing(visible is not None), *self.notes, *notes],
-                "warnings": [*self.warnings, *warnings], "settings": {}, "rendered": {}, "noise": None,
+                "warnings": list(warnings), "settings": {}, "rendered": {}, "noise": None,
                 "occlusion": MASK if self.mask else ESTIMATED if visible is not None else None,
                 "self_check": _UNCHECKED.to_json()}
+
+    def _doubt_rows(self) -> list[str]:
+        offset = self.row_offset_reader() if self.row_offset_reader else 0.0
+        return [f"Rows of matching pixels differ by up to {offset:g} px (dymax in calib.txt), which matchers here do "
+                "not search."] if offset > _LEVEL_PX else []
 
     def _missing(self, occlusion_known: bool) -> str:
         """What cannot be had of such a pair, in a sentence or two."""

@@ -33,8 +33,6 @@ _SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE = (479.5, 269.5), 1.0
 _SINTEL_BASELINE_M = 0.1
 #: f·B of GUISS' camera, 640·32/60·0.25 px·m: a lens of 32 mm before a sensor of 60 mm, and a baseline of 0.25 m.
 _GUISS_FOCAL_SHARE, _GUISS_BASELINE_M = 32 / 60, 0.25
-#: Rows of matching pixels may differ by this, px, before it is reported.
-_LEVEL_PX = 0.5
 _KITTI_FRAME = re.compile(r"\d{6}_10\.png")
 
 Finder = Callable[[Path], list[ForeignPair]]
@@ -43,7 +41,7 @@ Finder = Callable[[Path], list[ForeignPair]]
 def find_foreign_pairs(path: Path) -> list[ForeignPair]:
     """The pairs at ``path``, which is a folder in one of the layouts, or of one pair; empty if it is none of them.
 
-    Raises IcyMoonError if a file that the layout needs is missing, or two pairs have the same name.
+    Raises IcyMoonError if a folder that the layout needs is missing, or two pairs have the same name.
     """
     if not path.is_dir():
         return []
@@ -104,17 +102,15 @@ def _middlebury_pair(root: Path, folder: Path) -> ForeignPair:
     official = (folder / "disp0GT.pfm").exists()
     right = "disp1GT.pfm" if official else "disp1.pfm"
     mask = folder / "mask0nocc.png"
-    offset = calibrations.row_offset_px(calibration)
-    warnings = (f"Rows of matching pixels differ by up to {offset:g} px (dymax in calib.txt), which matchers here do "
-                "not search.",) if offset > _LEVEL_PX else ()
     name = safe_name(folder.resolve().name)
     return ForeignPair(
         name, folder, "Middlebury", name, find_inside(root, folder.relative_to(root) / "im0.png"),
         find_inside(folder, "im1.png"), MapFile(find_inside(folder, "disp0GT.pfm" if official else "disp0.pfm")),
         partial(calibrations.middlebury_camera, calibration), (calibration,),
         MapFile(find_inside(folder, right)) if (folder / right).exists() else None,
-        Mask("seen", (find_inside(folder, mask.name),)) if mask.exists() else None, warnings=warnings,
-        disparities=calibrations.stated_disparities(calibration))
+        Mask("seen", (find_inside(folder, mask.name),)) if mask.exists() else None,
+        row_offset_reader=partial(calibrations.row_offset_px, calibration),
+        disparities_reader=partial(calibrations.stated_disparities, calibration))
 
 
 def _sceneflow(path: Path) -> list[ForeignPair]:
@@ -154,14 +150,14 @@ def _sintel(path: Path) -> list[ForeignPair]:
     root, passes = _root_of(path, ("clean_left", "final_left"))
     if not passes or not (root / "disparities").is_dir():
         return []
+    if not (root / "camdata_left").is_dir():
+        raise IcyMoonError(f"{root / 'camdata_left'} is missing, and without its focal lengths disparities give no "
+                           "depths; add this folder of Sintel's depth data.")
     eyes = passes[0], passes[0].replace("left", "right")
     found = []
     for image in sorted((root / eyes[0]).glob("*/*.png")):
         inner = image.relative_to(root / eyes[0])
         camera = Path("camdata_left", inner).with_suffix(".cam")
-        if not (root / camera).exists():
-            raise IcyMoonError(f"{root / camera} is missing, and without its focal length disparities give no depths; "
-                               "add the folder camdata_left of Sintel's depth data.")
         masks = [Path(name, inner) for name in ("occlusions", "outofframe") if (root / name / inner).exists()]
         calibration = find_inside(root, camera)
         found.append(ForeignPair(

@@ -21,6 +21,7 @@ right principal point less that of the left one.
 from __future__ import annotations
 
 import glob
+import os
 import re
 import tomllib
 from functools import partial
@@ -48,13 +49,16 @@ _SHAPE: dict[str, dict[str, Any]] = {
               "visible": Maybe(TEXT), "along": Maybe(_ALONG), "channel": Maybe(TEXT)},
     "camera": {"focal_px": _SIZE, "baseline_m": _SIZE, "cx_px": Maybe(NUMBER), "cy_px": Maybe(NUMBER),
                "doffs_px": Maybe(NUMBER)}}
+#: The keys of the patterns of files.
+_KEYS = {"left": "images.left", "right": "images.right", "disparity": "truth.disparity", "depth": "truth.depth",
+         "truth_right": "truth.right", "visible": "truth.visible"}
 _FIX = "write it as the manual's page on foreign data shows"
 
 
 def plain_pairs(root: Path) -> list[ForeignPair]:
     """The pairs that ``pairs.toml`` in a folder names; empty if there is no such file.
 
-    Raises IcyMoonError if it is wrong, names a file outside of the folder, or no left image.
+    Raises IcyMoonError if it is wrong, or names a file outside of the folder, or none of any pair.
     """
     if not (root / FILE).exists():
         return []
@@ -75,6 +79,10 @@ def plain_pairs(root: Path) -> list[ForeignPair]:
     names = _names(root, patterns["left"])
     if not names:
         raise IcyMoonError(f"{path}: there is no file {patterns['left']}; correct images.left.")
+    for key, pattern in patterns.items():  # files of single pairs may be missing, which costs these only
+        if not any(os.path.lexists(root / pattern.replace(_PLACE, name)) for name in names):
+            raise IcyMoonError(f"{path}: there is no file {pattern} of any pair, such as "
+                               f"{pattern.replace(_PLACE, names[0])}; correct {_KEYS[key]}.")
     return [_pair(root, path, name, kinds[0], patterns, data) for name in names]
 
 
@@ -96,7 +104,7 @@ def parse_pairs_toml(path: Path) -> dict[str, Any]:
 
 def _checked_pattern(path: Path, key: str, pattern: str) -> str:
     parts = PurePosixPath(pattern).parts
-    if not pattern or "\\" in pattern or ".." in parts or PurePosixPath(pattern).is_absolute() or ":" in pattern:
+    if not pattern or ".." in parts or PurePosixPath(pattern).is_absolute() or any(each in pattern for each in "\\:\0"):
         raise IcyMoonError(f"{path}: {key} is {pattern[:60]!r}, and only files in this folder are read; write a path "
                            "in it, with / between folders.")
     if _PLACE not in pattern:

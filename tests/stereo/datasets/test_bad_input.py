@@ -50,6 +50,47 @@ def test_a_missing_calibration(tmp_path):
     refused(root, "000000.txt is missing; add it")
 
 
+def two_scenes(root):
+    for name in ("a", "b"):
+        foreign.middlebury(root / name)
+        (root / name / "Adirondack").rename(root / f"scene_{name}")
+        (root / name).rmdir()
+    return root
+
+
+def two_pairs(root):
+    plain(root, foreign.constant(), 'disparity = "truth/{pair}.npy"\nvisible = "m/{pair}.png"')
+    foreign.write_image(root / "m" / "a.png", np.full((foreign.HEIGHT, foreign.WIDTH), 255, np.uint8))
+    for path in [*root.glob("*/a.*")]:
+        shutil.copy(path, path.with_stem("b"))
+    return root
+
+
+TWO = {"plain": two_pairs, "kitti": lambda root: foreign.kitti_2015(root, frames=2), "middlebury": two_scenes}
+
+
+@pytest.mark.parametrize(("layout", "name"), [
+    ("plain", "right/b.png"), ("plain", "truth/b.npy"), ("plain", "m/b.png"),
+    ("kitti", "training/image_3/000001_10.png"),
+    ("kitti", "training/disp_occ_0/000001_10.png"), ("kitti", "training/calib_cam_to_cam/000001.txt"),
+    ("middlebury", "scene_b/calib.txt"), ("middlebury", "scene_b/im1.png"), ("middlebury", "scene_b/disp0.pfm")])
+def test_a_missing_or_damaged_file_costs_its_own_pair(tmp_path, layout, name):
+    root = TWO[layout](tmp_path)
+    (root / name).unlink()
+    for words in ("is missing; add it, or leave out this pair.", str(root / name)):
+        sound, broken = find_sources([root])
+        assert np.isfinite(sound.prepare({}).truth).any()
+        with pytest.raises(IcyMoonError, match=re.escape(words)):
+            broken.prepare({})
+        (root / name).write_bytes(b"\xff\xfe\x00")
+
+
+def test_a_pattern_that_no_file_has_is_told_once(tmp_path):
+    root = two_pairs(tmp_path)
+    shutil.rmtree(root / "right")
+    refused(root, "there is no file right/{pair}.png of any pair, such as right/a.png; correct images.right.")
+
+
 @pytest.mark.parametrize(("line", "words"), [
     ("baseline=200\n", "has no baseline, without which disparities give no depths; add it"),
     ("cam0=[100 0 47.5; 0 100 31.5; 0 0 1]\n", "has no cam0")])
@@ -211,7 +252,7 @@ def test_a_wrong_toml(tmp_path, toml, words):
 
 
 @pytest.mark.parametrize("pattern", ["../secret/{pair}.npy", "/etc/{pair}.npy", "C:/{pair}.npy", "a\\\\{pair}.npy",
-                                     "truth/../../{pair}.npy"])
+                                     "truth/../../{pair}.npy", "a\\u0000{pair}.npy"])
 def test_no_path_leaves_the_folder(tmp_path, pattern):
     root = plain(tmp_path / "set", foreign.constant(), f'depth = "{pattern}"')
     (tmp_path / "secret").mkdir()

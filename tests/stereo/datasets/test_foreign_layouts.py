@@ -100,7 +100,7 @@ def test_sintel(tmp_path):
 
 
 def test_sintel_without_cameras_says_what_to_add(tmp_path):
-    with pytest.raises(IcyMoonError, match=r"frame_0001\.cam is missing.*; add the folder camdata_left"):
+    with pytest.raises(IcyMoonError, match=r"camdata_left is missing.*; add this folder of Sintel's"):
         find_sources([foreign.sintel(tmp_path, camera=False)])
 
 
