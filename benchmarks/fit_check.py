@@ -7,7 +7,8 @@ With ``--render`` so many grounds of eight scenes are rendered into the data set
 144 px, with Suns of 2 to 80°, views from 5 to 85° down, baselines of 5 to 60 cm and cameras 0.5 to 4 m high.
 Each pair of the data sets is checked as it is, then with its depth or disparity changed in each way that is listed. The
 table counts, for each kind, the pairs whose fault is named, those for which the check only states that nothing fits,
-those of which the images do not tell, those that pass, and those in which another fault is named.
+those of which the images do not tell, those that pass, and those in which another fault is named. The right eye's truth
+and the mask of what it sees too are held against the left eye's truth in the same way.
 """
 
 from __future__ import annotations
@@ -20,10 +21,11 @@ from pathlib import Path
 
 import numpy as np
 from icymoon.errors import IcyMoonError
+from icymoon.stereo.datasets.visibility import find_better_reading, find_fault_of_right
 from icymoon.stereo.images.image_values import to_grey
-from icymoon.stereo.measure.fit_check import find_fault, find_places
-from icymoon.stereo.measure.prepare import Prepared
-from icymoon.stereo.sources import find_sources
+from icymoon.stereo.measure.fit_check import KINDS, find_fault, find_places
+from icymoon.stereo.measure.prepare import Loaded, Prepared, load
+from icymoon.stereo.sources import RenderedPair, find_sources
 
 SCENES = ("europa_rough_ice", "enceladus_fresh_snow", "europa_chaos", "europa_penitentes", "europa_ridged_plain",
           "enceladus_suncups", "europa_brash_ice", "enceladus_block_field")
@@ -64,6 +66,39 @@ FAULTS: dict[str, tuple[Made, str, str]] = {
     "a normal as depth": (_noise, "depth", "nothing")}
 
 
+#: The same of maps of the right eye, made of its depth, and of masks, made of what both eyes see.
+RIGHT_FAULTS: dict[str, tuple[Callable[[Loaded], np.ndarray], str, str]] = {
+    "sound depth": (lambda p: p.depth["right"], "depth", ""),
+    "sound disparity": (lambda p: p.pair.camera.disparity(p.depth["right"]), "disparity", ""),
+    "upside down": (lambda p: p.depth["right"][::-1], "depth", "upside_down"),
+    "millimetres": (lambda p: 1000 * p.depth["right"], "depth", "factor"),
+    "the left eye's map": (lambda p: p.depth["left"], "depth", "right_eye")}
+MASK_FAULTS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
+    "sound": (lambda seen: seen, ""), "exchanged": (lambda seen: ~seen, "with seen and hidden exchanged"),
+    "upside down": (lambda seen: seen[::-1], KINDS["upside_down"]),
+    "mirrored": (lambda seen: seen[:, ::-1], KINDS["mirrored"])}
+
+
+def judge_visibility(folder: Path, counts: dict[str, Counter[str]]) -> None:
+    """Count what is found in the right eye's truth and in the mask of a pair."""
+    loaded = load(folder, {})
+    if not loaded.visible["left"].any():
+        print(f"{folder.name}: the right eye sees nothing of what the left one does")
+        return
+    camera = loaded.pair.camera.rectified
+    disparity = camera.disparity(loaded.depth["left"])
+    for name, (make, kind, wanted) in RIGHT_FAULTS.items():
+        fault = find_fault_of_right(make(loaded), kind, camera, disparity)
+        counts[f"right eye: {name}"][_judge(fault.kind if fault else "", wanted, True)] += 1
+        if not wanted and fault is not None:
+            print(f"{folder.name}: right eye: {name}: {fault}")
+    for name, (change, words) in MASK_FAULTS.items():
+        found = find_better_reading(change(loaded.visible["left"]), disparity) or ""
+        counts[f"mask: {name}"][_judge(found, words, True)] += 1
+        if not words and found:
+            print(f"{folder.name}: mask: {name}: {found}")
+
+
 def render(dataset: Path, grounds: int) -> None:
     """Render sound pairs. A rig whose eye would be in the ground is left out."""
     import bpy
@@ -98,7 +133,9 @@ def main() -> None:
     options = parser.parse_args()
     if options.render:
         render(options.datasets[0], options.render)
-    counts: dict[str, Counter[str]] = {name: Counter() for name in (*FAULTS, "images exchanged")}
+    counts: dict[str, Counter[str]] = {name: Counter() for name in (
+        *FAULTS, "images exchanged", *(f"right eye: {name}" for name in RIGHT_FAULTS),
+        *(f"mask: {name}" for name in MASK_FAULTS))}
     seconds, pairs = 0.0, 0
     for source in find_sources(options.datasets):
         try:
@@ -118,11 +155,13 @@ def main() -> None:
         fault = find_fault(prepared.truth, "depth", camera, exchanged)
         counts["images exchanged"][_judge(fault.kind if fault else "", "swapped", exchanged.enough())] += 1
         seconds += time.process_time() - start
+        if isinstance(source, RenderedPair):
+            judge_visibility(source.folder, counts)
     columns = ("named", "nothing fits", "another", "passes", "images do not tell")
-    print(f"{pairs} pairs, {seconds / max(1, pairs):.3f} CPU s a pair for all {len(counts)} checks")
-    print(f"{'fault':28}" + "".join(f"{each:>20}" for each in columns))
+    print(f"{pairs} pairs, {seconds / max(1, pairs):.3f} CPU s a pair for all {len(FAULTS) + 1} checks of the images")
+    print(f"{'fault':32}" + "".join(f"{each:>20}" for each in columns))
     for name, found in counts.items():
-        print(f"{name:28}" + "".join(f"{found[each]:20}" for each in columns))
+        print(f"{name:32}" + "".join(f"{found[each]:20}" for each in columns))
 
 
 def _judge(kind: str, wanted: str, told: bool) -> str:

@@ -15,6 +15,8 @@ from ...support.foreign_bytes import read
 from .data_files import numbers_of, read_fields
 
 _CENTRE = 0.5
+#: Two statements of a principal point are one within this: files round to thousandths of a pixel.
+_SAME_PX = 0.1
 _OURS = {"camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIVE, "cx_px": NUMBER, "cy_px": NUMBER,
                     "baseline_m": POSITIVE, "margin_x_px": Maybe(COUNT), "margin_y_px": Maybe(COUNT),
                     "toe_in_deg": Maybe(NUMBER)},
@@ -50,11 +52,24 @@ def middlebury_camera(path: Path, width: int, height: int) -> StereoCamera:
     matrix = numbers_of(path, fields, "cam0", 9)
     baseline = numbers_of(path, fields, "baseline", 1)[0] / 1000
     _check(path, matrix[0], baseline)
-    doffs = numbers_of(path, fields, "doffs", 1)[0] if "doffs" in fields else 0.0
+    doffs = _principal_offset(path, fields, matrix[2])
     stated = [_whole(path, fields, key) if key in fields else size
               for key, size in (("width", width), ("height", height))]
     return StereoCamera(stated[0], stated[1], matrix[0], matrix[2] + _CENTRE, matrix[5] + _CENTRE, baseline,
                         doffs_px=doffs)
+
+
+def _principal_offset(path: Path, fields: dict[str, str], left_px: float) -> float:
+    """The column of the right principal point less that of the left one, ``left_px``: what both matrices or ``doffs``
+    state, and 0 where neither is there. Raises IcyMoonError if they contradict each other."""
+    by_cameras = numbers_of(path, fields, "cam1", 9)[2] - left_px if "cam1" in fields else None
+    if "doffs" not in fields:
+        return by_cameras or 0.0
+    doffs = numbers_of(path, fields, "doffs", 1)[0]
+    if by_cameras is not None and abs(by_cameras - doffs) > _SAME_PX:
+        raise IcyMoonError(f"{path} states doffs {doffs:g} px, and the principal points of cam0 and cam1 are "
+                           f"{by_cameras:g} px apart; correct the one that is wrong.")
+    return doffs
 
 
 def row_offset_px(path: Path) -> float:

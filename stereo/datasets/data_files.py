@@ -13,26 +13,22 @@ from pathlib import Path
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import shorten
 from ...formats import tiff
 from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
 from ..adapters.icymoon_serve import drop_single_axes
 from ..images.bounded_decoding import decode, decode_exr
+from ..images.exif import UPRIGHT
 from ..images.exr_header import EXR, parse_channels
 from ..images.image_files import parse_pfm, read_pfm
 from ..images.image_headers import MOST_IMAGE_MEMORY, PNG, Encoded, check_size, parse_picture, parse_png
 from ..images.image_values import to_8_bit
+from .map_channels import choose_array, choose_channel, find_stated
 
 #: Bytes of a text.
 MOST_TEXT = 2**20
 _NPY, _ZIP = b"\x93NUMPY", b"PK\x03\x04"
 _TIFFS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _AGAIN = "make it again"
-#: How layers, passes or channels of an EXR file that hold a map are called, the likeliest first; then components that
-#: do in other passes than those of directions, places, colours and labels.
-_MAPS, _COMPONENTS = ("disparity", "depth"), ("Z", "Y", "V", "R")
-_NO_MAPS = ("normal", "position", "vector", "uv", "image", "combined", "rgb", "colour", "color", "diff", "gloss",
-            "emit", "index", "crypto", "shadow", "ao", "mist")
 #: Steps per pixel of 16-bit PNG files of disparities, after KITTI.
 PNG_STEPS = 256.0
 
@@ -52,24 +48,23 @@ class MapFile:
     along_ray: bool = False
     sintel: bool = False  # coded in three bytes, as Sintel has it
     predicted: bool = False  # by a method, of which nothing states the steps
+    channel: str | None = None  # of an EXR file, or an array of an npz, that holds the map
 
 
 def find_inside(root: Path, name: str | Path) -> Path:
-    """The file ``name`` in the folder ``root``; reading it tells whether it is a regular one.
+    """The file ``name`` in the folder ``root``; reading it tells whether it is there, and a regular one.
 
-    Raises IcyMoonError if it is missing, or outside.
+    Raises IcyMoonError if it is outside.
     """
     path = root / name
     try:
-        inside, there = path.resolve().is_relative_to(root.resolve()), path.exists() or path.is_symlink()
+        inside = path.resolve().is_relative_to(root.resolve())
     except (OSError, RuntimeError):  # a link that leads to itself, and nowhere else
         return path
     except ValueError:
         raise IcyMoonError(f"{root} names a file with characters that no path can have; write another name.") from None
     if not inside:
         raise IcyMoonError(f"{path} is outside of {root}, and only files in a data set are read; copy it there.")
-    if not there:
-        raise IcyMoonError(f"{path} is missing; add it, or give another folder.")
     return path
 
 
@@ -92,13 +87,29 @@ def read_image(path: Path) -> np.ndarray:
     return image
 
 
-def _decode_image(foreign: ForeignBytes) -> np.ndarray:
+def read_orientation(path: Path) -> int:
+    """The EXIF orientation, 1 to 8, of a PNG, JPEG or WebP image, by which viewers turn it; ``read_image`` does not.
+
+    Raises IcyMoonError as ``read_image`` does.
+    """
+    return read(path, _parse_image, "a whole image", _AGAIN, memory=MOST_IMAGE_MEMORY).orientation
+
+
+def _parse_image(foreign: ForeignBytes) -> Encoded:
     is_tiff = foreign.part(0, min(4, foreign.size)) in _TIFFS
-    return decode(_parse_tiff_image(foreign) if is_tiff else parse_picture(foreign))
+    return _parse_tiff_image(foreign) if is_tiff else parse_picture(foreign)
+
+
+def _decode_image(foreign: ForeignBytes) -> np.ndarray:
+    return decode(_parse_image(foreign))
 
 
 def _parse_tiff_image(foreign: ForeignBytes) -> Encoded:
     image = tiff.read_directories(foreign)[0]
+    orientation = image.number(274, UPRIGHT)
+    if orientation != UPRIGHT:
+        raise RefusedError(f"states the orientation {orientation}, by which some programs turn it and others do not; "
+                           "save it as PNG, as the calibration has it.")
     height, width = image.shape
     # A palette stands for three bands; OpenCV widens small numbers.
     value_bytes = max(4, image.number(277, 1)) * max(1, -(-image.number(258, 8) // 8))
@@ -134,30 +145,40 @@ def read_map(file: MapFile) -> np.ndarray:
 def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[np.ndarray, float]:
     """The numbers of a file, and how many steps per px or metre are usual in its format."""
     start = foreign.part(0, min(32, foreign.size))
+    if start.startswith(EXR):
+        return _parse_exr(foreign, file), 1.0
+    if file.channel and not start.startswith(_ZIP):
+        raise RefusedError("has no channels with names, and truth.channel in pairs.toml states one; leave it out.")
     if start.startswith(PNG):
         return _steps_of(decode(parse_png(foreign)), file), PNG_STEPS if file.kind == "disparity" else 1.0
     if start.startswith((b"Pf", b"PF")):
         return parse_pfm(foreign), 1.0
-    if start.startswith(EXR):
-        return _parse_exr(foreign, file.path), 1.0
     if start.startswith((_NPY, _ZIP)):
-        values = drop_single_axes(parse_npy(foreign, "fiu") if start.startswith(_NPY) else _parse_npz(foreign))
+        values = drop_single_axes(parse_npy(foreign, "fiu") if start.startswith(_NPY) else _parse_npz(foreign, file))
         if values.ndim == 2:
             check_size(values.shape[1], values.shape[0])
         return values, 1.0
     if start.startswith(_TIFFS):
         return _parse_tiff(foreign), 1.0
-    raise RefusedError("is no map that is read here; save it as PFM, PNG of 256 steps per px, npy, EXR or TIFF.")
+    raise RefusedError(f"is no map that is read here; save it as PFM, npy, EXR, TIFF or {_describe_png(file)}.")
+
+
+def _describe_png(file: MapFile) -> str:
+    """How a map stands in a PNG."""
+    return ("16-bit PNG of 256 steps per px" if file.kind == "disparity" else
+            "16-bit PNG with its steps per metre as truth.steps in pairs.toml")
 
 
 def _steps_of(image: np.ndarray, file: MapFile) -> np.ndarray:
     """The numbers of a PNG: of 8 bits only where their steps are stated, since such a file may be a mere picture."""
     if image.ndim != 2:
-        raise RefusedError("is a picture, not a map: it has colours; write one number per pixel, as 256 steps per px.")
+        raise RefusedError("is a picture, not a map: it has colours; write one number per pixel, as PFM or "
+                           f"{_describe_png(file)}.")
     if image.dtype == np.uint8 and file.steps is None:
         raise RefusedError("is a picture, not a map, unless it is known what it counts; "
                            + ("write 256 steps per px with 16 bits, or PFM." if file.predicted else
-                              "state its steps per px as truth.steps in pairs.toml."))
+                              f"state its steps per {'px' if file.kind == 'disparity' else 'metre'} as truth.steps in "
+                              "pairs.toml."))
     return image
 
 
@@ -170,38 +191,20 @@ def _read_sintel(path: Path) -> np.ndarray:
     return np.asarray(4 * red + green / 64 + blue / 16384)
 
 
-def _parse_exr(foreign: ForeignBytes, path: Path) -> np.ndarray:
-    channels = {channel.name: channel for channel in parse_channels(foreign)}
-    channel = channels[choose_channel(list(channels))]
-    return decode_exr(path, channel, foreign.budget.most - foreign.budget.left)
+def _parse_exr(foreign: ForeignBytes, file: MapFile) -> np.ndarray:
+    channels = parse_channels(foreign)
+    names = [channel.full_name for channel in channels]
+    name = find_stated(names, file.channel) if file.channel else choose_channel(names, file.kind, file.predicted)
+    channel = channels[names.index(name)]
+    return decode_exr(file.path, channel, foreign.budget.most - foreign.budget.left)
 
 
-def choose_channel(names: Sequence[str]) -> str:
-    """The channel of an EXR file that holds the map: one of a layer or pass that is called so, else one whose own name
-    is usual for a map. Raises RefusedError if several may, or none.
-
-    A component such as Z is a depth in a pass called Depth, and a direction in one called Normal or Position.
-    """
-    if len(names) == 1:
-        return names[0]
-    for word in _MAPS:
-        for name in names:
-            if any(part.lower().startswith(word) for part in name.split(".")):
-                return name
-    for word in _COMPONENTS:
-        for name in names:
-            *layers, own = name.split(".")
-            if own == word and not any(layer.lower().startswith(_NO_MAPS) for layer in layers):
-                return name
-    raise RefusedError(f"has the channels {shorten(', '.join(names))}; name the one with the map Z.")
-
-
-def _parse_npz(foreign: ForeignBytes) -> np.ndarray:
-    """The array ``disparity`` of an npz, or its only one."""
-    found = parse_npz(foreign, {"disparity"}, "fiu") or parse_npz(foreign, kinds="fiu")
-    if len(found) != 1:
-        raise RefusedError(f"contains the arrays {shorten(', '.join(found))}; give one, or call it disparity.")
-    return next(iter(found.values()))
+def _parse_npz(foreign: ForeignBytes, file: MapFile) -> np.ndarray:
+    """The array of an npz that is stated, or called as the kind of the map, or its only one."""
+    wanted = file.channel or file.kind
+    found = parse_npz(foreign, {wanted}, "fiu") or parse_npz(foreign, kinds="fiu")
+    names = list(found)
+    return found[find_stated(names, file.channel) if file.channel else choose_array(names, file.kind, file.predicted)]
 
 
 def _parse_tiff(foreign: ForeignBytes) -> np.ndarray:

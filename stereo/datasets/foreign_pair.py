@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,29 +24,21 @@ from ..images.disparity_and_occlusion import ESTIMATED, MASK, visible_in_right
 from ..images.image_values import describe_size, to_grey
 from ..matchers.search_range import FIXED, MOST_PX, STEP_PX, SearchRange
 from ..measure.by_pixel_class import OCCLUSION, classify, texture
-from ..measure.fit_check import Places, find_places, ray_lengths, without_far_plateau
+from ..measure.fit_check import Places, find_places, is_confirmed, ray_lengths, without_far_plateau
 from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
-from .input_faults import WRONG_SIGN, check_truth
+from .input_faults import WRONG_SIGN, check_map_size, check_truth, doubt_camera
+from .turned_images import find_turned, refuse_turned
+from .visibility import Mask, check_right_truth, read_mask, right_camera
 
 #: Share of the width that matchers search where a data set states no range.
 _SEARCHED_SHARE = 0.25
+#: Rows of matching pixels may differ by this, px, before it is reported.
+_LEVEL_PX = 0.5
 #: Makes the camera of images of this width and height.
 CameraReader = Callable[[int, int], StereoCamera]
-
-
-@dataclass(frozen=True)
-class Mask:
-    """Which pixels the right eye sees too, in image files.
-
-    ``kind``: "seen" (255 where it does, as Middlebury's nocc), "hidden" (not 0 where it does not, in one of the files,
-    as Sintel's occlusions), or "known" (there is a disparity where it does, as KITTI's noc).
-    """
-
-    kind: str
-    files: tuple[Path, ...]
 
 
 @dataclass(frozen=True)
@@ -66,8 +60,8 @@ class ForeignPair:
     linear: bool = False  # the images are in proportion to light, as our own are
     either_sign: bool = False  # the sign of the disparities differs between the releases of the data set
     notes: tuple[str, ...] = ()  # facts about the data
-    warnings: tuple[str, ...] = ()  # what makes results doubtful
-    disparities: int | None = None  # that the data set states to be enough to search
+    row_offset_reader: Callable[[], float] | None = None  # of the largest distance of matching rows, px
+    disparities_reader: Callable[[], int | None] | None = None  # of how many disparities are stated to be enough
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -86,8 +80,13 @@ class ForeignPair:
 
         Raises IcyMoonError with the name of the file and the fix if one is missing, damaged or does not fit.
         """
+        for path in self.files:
+            if not os.path.lexists(path):
+                raise IcyMoonError(f"{path} is missing; add it, or leave out this pair.")
         left, right = (self._image(path) for path in (self.left, self.right))
+        turned = find_turned((self.left, self.right))
         if left.shape[:2] != right.shape[:2]:
+            refuse_turned(turned)
             raise IcyMoonError(f"{self.left} is {describe_size(left)}, and {self.right} is {describe_size(right)}; "
                                "give two rectified images of one size.")
         camera = self.camera_reader(left.shape[1], left.shape[0])
@@ -97,17 +96,19 @@ class ForeignPair:
                                f"{camera.height_px} px; give the calibration of these images.")
         grey = to_grey(left), to_grey(right)
         places = find_places(*grey)
-        disparity, notes, warnings = self._true_disparity(camera, left, places)
+        disparity, notes, warnings = self._true_disparity(camera, left, places, turned)
         truth = camera.depth(disparity)
-        visible, known = self._visible(disparity, truth, camera, left)
+        visible, known, doubts = self._visible(disparity, truth, camera, left)
         gradient = texture(grey[0])
         classes = classify(truth, visible, gradient, grey[0], None, None, None)
         if not known:
             classes[OCCLUSION.key] = np.full(truth.shape, -1)
-        count = self.disparities or math.ceil(_SEARCHED_SHARE * camera.width_px)
+        stated = self.disparities_reader() if self.disparities_reader else None
+        count = stated or math.ceil(_SEARCHED_SHARE * camera.width_px)
         most = STEP_PX * math.ceil(min(count, camera.width_px, MOST_PX) / STEP_PX) - 1
         pair = PhotographedPair(self.name, self.folder, camera, SearchRange(0, most, FIXED))
         scale = colours.depth_scale(truth)
+        warnings = [*self._doubt_rows(), *doubt_camera(camera), *warnings, *doubts]
         facts = self._facts(camera, truth, visible if known else None, notes, warnings)
         facts["depth_scale_m"] = [scale.low, scale.high]
         return Prepared(pair, left, right, truth, visible, gradient, classes, _UNCHECKED, scale, facts, known)
@@ -119,51 +120,51 @@ class ForeignPair:
         level = np.clip(radiance / (self.white or float(radiance.max()) or 1.0), 0, 1)
         return np.asarray(np.rint(255 * level).astype(np.uint8))
 
-    def _true_disparity(self, camera: StereoCamera, image: np.ndarray,
-                        places: Places) -> tuple[np.ndarray, list[str], list[str]]:
-        """The true disparity of the left eye, notes on how it was read, and warnings about it."""
-        values, notes = self._values(self.truth, camera, image), []
+    def _true_disparity(self, camera: StereoCamera, image: np.ndarray, places: Places,
+                        turned: Mapping[Path, int]) -> tuple[np.ndarray, list[str], list[str]]:
+        """The true disparity of the left eye, notes on how it was read, and warnings about it.
+
+        It must confirm the images that viewers show ``turned``.
+        """
+        values, notes = self._values(self.truth, camera, image, turned), []
         if self.truth.kind == "depth":
             values, far = without_far_plateau(values, camera, places)
             if far is not None:
                 notes.append(f"{self.truth.path}: pixels of the one depth {far:g} m, far beyond all others, were taken "
                              "for sky, which has no truth.")
+        if turned:
+            if not is_confirmed(values, self.truth.kind, camera, places):
+                refuse_turned(turned)
+            notes.append("Images state an EXIF orientation by which viewers turn them; their pixels were taken as they "
+                         "are stored, which the truth confirms.")
         warnings = check_truth(self, values, camera, places)
         return _as_disparity(values, self.truth.kind, camera), notes, warnings
 
-    def _values(self, file: MapFile, camera: StereoCamera, image: np.ndarray) -> np.ndarray:
+    def _values(self, file: MapFile, camera: StereoCamera, image: np.ndarray,
+                turned: Mapping[Path, int] = MappingProxyType({})) -> np.ndarray:
         """The depths along the optical axis, or the disparities, of a map."""
         values = read_map(file)
         if values.shape != image.shape[:2]:
-            raise IcyMoonError(f"{file.path} is {describe_size(values)}, and the images are "
-                               f"{describe_size(image)}; give a map with a number for each pixel of the left image.")
+            refuse_turned(turned)
+            check_map_size(file.path, values.shape, image.shape[:2], file.kind, "the images are")
         if file.along_ray:
             values = values / ray_lengths(camera)
         known = np.isfinite(values)
         return -values if self.either_sign and known.any() and np.mean(values[known] < 0) >= WRONG_SIGN else values
 
     def _visible(self, disparity: np.ndarray, truth: np.ndarray, camera: StereoCamera,
-                 image: np.ndarray) -> tuple[np.ndarray, bool]:
-        """Where the right eye sees the point of a pixel too, and whether that is known of more than the frame."""
+                 image: np.ndarray) -> tuple[np.ndarray, bool, list[str]]:
+        """Where the right eye sees the point of a pixel too, whether that is known of more than the frame, and warnings
+        about it."""
         inside = np.isfinite(truth) & is_in_frame(matching_column(disparity))
         if self.mask:
-            return inside & self._unmasked(self.mask, image), True
+            return inside & read_mask(self.mask, disparity), True, []
         if self.truth_right:
-            other = camera.depth(_as_disparity(self._values(self.truth_right, camera, image), self.truth_right.kind,
-                                               camera))
-            return visible_in_right(truth, other, camera), True
-        return inside, False
-
-    def _unmasked(self, mask: Mask, image: np.ndarray) -> np.ndarray:
-        if mask.kind == "known":
-            seen = np.isfinite(read_map(MapFile(mask.files[0])))
-        else:
-            masks = [to_grey(read_image(path)) for path in mask.files]
-            seen = masks[0] == 255 if mask.kind == "seen" else np.logical_and.reduce([each == 0 for each in masks])
-        if seen.shape != image.shape[:2]:
-            raise IcyMoonError(f"{mask.files[0]} is {describe_size(seen)}, and the images are "
-                               f"{describe_size(image)}; give a mask of these images.")
-        return np.asarray(seen)
+            values = self._values(self.truth_right, right_camera(camera), image)
+            warnings = check_right_truth(self.truth_right, values, camera, disparity)
+            other = camera.depth(_as_disparity(values, self.truth_right.kind, camera))
+            return visible_in_right(truth, other, camera), True, warnings
+        return inside, False, []
 
     def _facts(self, camera: StereoCamera, truth: np.ndarray, visible: np.ndarray | None,
                notes: Sequence[str], warnings: Sequence[str]) -> dict[str, Any]:
@@ -175,9 +176,14 @@ class ForeignPair:
                 "visible": None if visible is None else float(visible.sum() / known.sum()),
                 "depth_m": [float(q) for q in np.quantile(truth[known], (0, 0.5, 1))],
                 "notes": [self._missing(visible is not None), *self.notes, *notes],
-                "warnings": [*self.warnings, *warnings], "settings": {}, "rendered": {}, "noise": None,
+                "warnings": list(warnings), "settings": {}, "rendered": {}, "noise": None,
                 "occlusion": MASK if self.mask else ESTIMATED if visible is not None else None,
                 "self_check": _UNCHECKED.to_json()}
+
+    def _doubt_rows(self) -> list[str]:
+        offset = self.row_offset_reader() if self.row_offset_reader else 0.0
+        return [f"Rows of matching pixels differ by up to {offset:g} px (dymax in calib.txt), which matchers here do "
+                "not search."] if offset > _LEVEL_PX else []
 
     def _missing(self, occlusion_known: bool) -> str:
         """What cannot be had of such a pair, in a sentence or two."""

@@ -23,6 +23,8 @@ _UNITS = (256.0, 16.0, 1000.0)
 _NEAR, _TIGHT = 0.03, 0.1
 #: Factors that numbers may be wrong by: units, scales of images, feet and inches.
 _FACTORS = (2.0, 3.0, 4.0, 8.0, 10.0, 16.0, 32.0, 64.0, 100.0, 128.0, 256.0, 1000.0, 1 / 0.3048, 1 / 0.0254)
+#: Baselines, m, and focal lengths, as shares of the width, of stereo heads and of data sets: views of 1.9 to 147°.
+_BASELINES_M, _FOCAL_SHARES = (1e-3, 3.0), (0.15, 30.0)
 
 
 class Files(Protocol):
@@ -63,8 +65,40 @@ def check_truth(pair: Files, values: np.ndarray, camera: StereoCamera, places: P
                 "it beside the images."]
     if fault.kind == "swapped":
         raise IcyMoonError(f"{pair.left} and {pair.right} fit the truth only the other way round; exchange the images.")
-    raise IcyMoonError(f"{path} {_describe(fault, kind)}"
-                       + (", or state truth.steps in pairs.toml." if fault.kind == "factor" else "."))
+    raise IcyMoonError(f"{path} {_describe(fault, kind)}{_describe_other_causes(fault, kind)}.")
+
+
+def _describe_other_causes(fault: Fault, kind: str) -> str:
+    """What else than the numbers of a map may be wrong, as the rest of a sentence."""
+    if fault.kind != "factor":
+        return ""
+    if kind == "disparity":
+        return ", or state truth.steps in pairs.toml"
+    size, large = _size_of(fault)
+    return (", or state truth.steps in pairs.toml, unless camera.focal_px or camera.baseline_m there is "
+            f"{size:g} times too {'small' if large else 'large'}, which looks the same; then correct that")
+
+
+def _size_of(fault: Fault) -> tuple[float, bool]:
+    """The factor of a fault, at least 1, and whether the numbers are too large by it."""
+    large = fault.factor > 1
+    return round_factor(fault.factor if large else 1 / fault.factor), large
+
+
+def doubt_camera(camera: StereoCamera) -> list[str]:
+    """Warnings about a camera that few stereo heads have: disparities alone do not tell that a length of it is in
+    another unit."""
+    found = []
+    least, most = _BASELINES_M
+    if not least <= camera.baseline_m <= most:
+        found.append(f"The baseline is {camera.baseline_m:g} m, outside of {least:g} to {most:g} m, and all depths are "
+                     "in proportion to it; look whether it is stated in metres (in mm in Middlebury's calib.txt).")
+    least, most = (share * camera.width_px for share in _FOCAL_SHARES)
+    if not least <= camera.focal_px <= most:
+        found.append(f"The focal length is {camera.focal_px:g} px, outside of {least:g} to {most:g} px for images of "
+                     f"{camera.width_px} px, and all depths are in proportion to it; look whether it is stated in px "
+                     "of these images.")
+    return found
 
 
 def _list_tried() -> str:
@@ -77,8 +111,7 @@ def _describe(fault: Fault, kind: str) -> str:
     stop."""
     what = "depths" if kind == "depth" else "disparities"
     if fault.kind == "factor":
-        large = fault.factor > 1
-        size = _round_factor(fault.factor if large else 1 / fault.factor)
+        size, large = _size_of(fault)
         return (f"has {what} that are {size:g} times too {'large; divide' if large else 'small; multiply'} them by "
                 f"{size:g}")
     return {
@@ -93,7 +126,7 @@ def _describe(fault: Fault, kind: str) -> str:
         "right_eye": "is the map of the right eye; give the left one's"}[fault.kind]
 
 
-def _round_factor(size: float) -> float:
+def round_factor(size: float) -> float:
     """A factor between units that a measured one is, else three of its digits."""
     near = min(_FACTORS, key=lambda factor: abs(size / factor - 1))
     return near if abs(size / near - 1) <= _NEAR else float(f"{size:.3g}")
@@ -103,7 +136,7 @@ def check_prediction(path: Path, disparity: np.ndarray, true_depth: np.ndarray, 
     """Raise IcyMoonError if a ``disparity`` map, NaN where there is none, is of another size, sign, unit or orientation
     than the pair, whose ``true_depth`` in metres is NaN where unknown."""
     true_disparity = camera.disparity(true_depth)
-    _check_shape(path, disparity.shape, true_disparity.shape)
+    check_map_size(path, disparity.shape, true_disparity.shape, "disparity")
     known = np.isfinite(disparity)
     if not known.any():
         raise IcyMoonError(f"{path} has no number in any pixel; run the method on this pair again.")
@@ -135,16 +168,25 @@ def check_prediction(path: Path, disparity: np.ndarray, true_depth: np.ndarray, 
         raise IcyMoonError(f"{path} {_describe(fault, 'disparity')}.")
 
 
-def _check_shape(path: Path, shape: tuple[int, ...], wanted: tuple[int, ...]) -> None:
-    if shape == wanted:
-        return
-    has = f"{path} is {shape[1]} x {shape[0]} px, and the pair is {wanted[1]} x {wanted[0]} px"
+def check_map_size(path: Path, shape: tuple[int, ...], wanted: tuple[int, ...], kind: str, beside: str = "the pair is"
+                   ) -> None:
+    """Raise IcyMoonError if a map of ``kind`` "depth" or "disparity" has a ``shape`` other than the ``wanted`` one of
+    what is ``beside`` it; the fix is the change of size that is likely."""
+    if shape != wanted:
+        raise IcyMoonError(f"{path} is {shape[1]} x {shape[0]} px, and {beside} {wanted[1]} x {wanted[0]} px; "
+                           f"{_find_resize(shape, wanted, kind)}.")
+
+
+def _find_resize(shape: tuple[int, ...], wanted: tuple[int, ...], kind: str) -> str:
     share = Fraction(shape[1], wanted[1])
     if Fraction(shape[0], wanted[0]) == share and 1 in (share.numerator, share.denominator):
-        raise IcyMoonError(f"{has}; enlarge the map to that size and multiply its disparities by {1 / share}."
-                           if share < 1 else
-                           f"{has}; reduce the map to that size and divide its disparities by {share}.")
-    raise IcyMoonError(f"{has}; give a disparity for each pixel of the left image.")
+        change = "enlarge" if share < 1 else "reduce"
+        numbers = "keep its depths as they are" if kind == "depth" else (
+            f"multiply its disparities by {1 / share}" if share < 1 else f"divide its disparities by {share}")
+        return f"{change} the map to that size and {numbers}"
+    if shape == wanted[::-1]:
+        return "exchange its rows and columns"
+    return f"give a {kind} for each pixel of the image"
 
 
 def _is_unit(ratio: np.ndarray, factor: float) -> bool:

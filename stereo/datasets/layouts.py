@@ -22,9 +22,10 @@ from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
 from . import calibrations
 from .data_files import MapFile, find_inside
-from .foreign_pair import CameraReader, ForeignPair, Mask, UnusablePair, find_pair, safe_name
+from .foreign_pair import CameraReader, ForeignPair, UnusablePair, find_pair, safe_name
 from .plain_folder import FILE as PLAIN_FILE
 from .plain_folder import plain_pairs
+from .visibility import Mask
 
 #: Cameras of SceneFlow by a part of the path: focal length, px. All have this principal point and a baseline of 1.
 _SCENEFLOW_FOCAL_PX, _SCENEFLOW_SHORT_PX = 1050.0, 450.0
@@ -32,8 +33,6 @@ _SCENEFLOW_CENTRE, _SCENEFLOW_BASELINE = (479.5, 269.5), 1.0
 _SINTEL_BASELINE_M = 0.1
 #: f·B of GUISS' camera, 640·32/60·0.25 px·m: a lens of 32 mm before a sensor of 60 mm, and a baseline of 0.25 m.
 _GUISS_FOCAL_SHARE, _GUISS_BASELINE_M = 32 / 60, 0.25
-#: Rows of matching pixels may differ by this, px, before it is reported.
-_LEVEL_PX = 0.5
 _KITTI_FRAME = re.compile(r"\d{6}_10\.png")
 
 FoundPair = ForeignPair | UnusablePair
@@ -43,8 +42,8 @@ Finder = Callable[[Path], list[FoundPair]]
 def find_foreign_pairs(path: Path) -> list[FoundPair]:
     """The pairs at ``path``, which is a folder in one of the layouts, or of one pair; empty if it is none of them.
 
-    A file that the layout needs and that is missing or outside costs its pair only. Raises IcyMoonError if no pair is
-    left, or two pairs have the same name.
+    A file that a pair needs and that is missing or outside costs that pair only. Raises IcyMoonError if no pair is
+    left, a folder that the layout needs is missing, or two pairs have the same name.
     """
     if not path.is_dir():
         return []
@@ -120,17 +119,15 @@ def _middlebury_pair(root: Path, folder: Path) -> ForeignPair:
     official = (folder / "disp0GT.pfm").exists()
     right = "disp1GT.pfm" if official else "disp1.pfm"
     mask = folder / "mask0nocc.png"
-    offset = calibrations.row_offset_px(calibration)
-    warnings = (f"Rows of matching pixels differ by up to {offset:g} px (dymax in calib.txt), which matchers here do "
-                "not search.",) if offset > _LEVEL_PX else ()
     name = _folder_name(root, folder)
     return ForeignPair(
         name, folder, "Middlebury", name, left,
         find_inside(folder, "im1.png"), MapFile(find_inside(folder, "disp0GT.pfm" if official else "disp0.pfm")),
         partial(calibrations.middlebury_camera, calibration), (calibration,),
         MapFile(find_inside(folder, right)) if (folder / right).exists() else None,
-        Mask("seen", (find_inside(folder, mask.name),)) if mask.exists() else None, warnings=warnings,
-        disparities=calibrations.stated_disparities(calibration))
+        Mask("seen", (find_inside(folder, mask.name),)) if mask.exists() else None,
+        row_offset_reader=partial(calibrations.row_offset_px, calibration),
+        disparities_reader=partial(calibrations.stated_disparities, calibration))
 
 
 def _sceneflow(path: Path) -> list[FoundPair]:
@@ -174,6 +171,9 @@ def _sintel(path: Path) -> list[FoundPair]:
     root, passes = _root_of(path, ("clean_left", "final_left"))
     if not passes or not (root / "disparities").is_dir():
         return []
+    if not (root / "camdata_left").is_dir():
+        raise IcyMoonError(f"{root / 'camdata_left'} is missing, and without its focal lengths disparities give no "
+                           "depths; add this folder of Sintel's depth data.")
     found = []
     for image in sorted((root / passes[0]).glob("*/*.png")):
         inner = image.relative_to(root / passes[0])
@@ -184,9 +184,6 @@ def _sintel(path: Path) -> list[FoundPair]:
 
 def _sintel_pair(root: Path, rendering: str, inner: Path, name: str) -> ForeignPair:
     camera = Path("camdata_left", inner).with_suffix(".cam")
-    if not (root / camera).exists():
-        raise IcyMoonError(f"{root / camera} is missing, and without its focal length disparities give no depths; "
-                           "add the folder camdata_left of Sintel's depth data.")
     masks = [Path(folder, inner) for folder in ("occlusions", "outofframe") if (root / folder / inner).exists()]
     calibration = find_inside(root, camera)
     return ForeignPair(

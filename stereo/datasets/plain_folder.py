@@ -11,6 +11,7 @@
 
 ``{pair}`` stands for the name of a pair. ``images`` may have ``linear`` (true: the images are in proportion to light).
 ``truth`` has ``disparity`` (px) or ``depth`` (m), and may have ``steps`` (what the file counts per px or metre),
+``channel`` (the name of the channel of an EXR file, or of the array of an npz, that holds the map),
 ``along`` ("ray" for distances from the eye, "axis" for depths along the optical axis),
 ``right`` (the same map of the right eye) and ``visible`` (an image that is 255 where the right eye sees the point too).
 ``camera`` may have ``cx_px`` and ``cy_px``, from the corner of the first pixel, and ``doffs_px``, the column of the
@@ -20,6 +21,7 @@ right principal point less that of the left one.
 from __future__ import annotations
 
 import glob
+import os
 import re
 import tomllib
 from functools import partial
@@ -32,7 +34,8 @@ from ...render.pairs.pair_folder import StereoCamera
 from ...suggestions import nearest
 from ...support.foreign_bytes import parse_toml
 from .data_files import MapFile, find_inside, read_text
-from .foreign_pair import ForeignPair, Mask, UnusablePair, find_pair, safe_name
+from .foreign_pair import ForeignPair, UnusablePair, find_pair, safe_name
+from .visibility import Mask
 
 FILE = "pairs.toml"
 _PLACE = "{pair}"
@@ -43,16 +46,19 @@ _SIZE = Kind("a number from 1e-9 to 1e9", lambda value: POSITIVE.fits(value) and
 _SHAPE: dict[str, dict[str, Any]] = {
     "images": {"left": TEXT, "right": TEXT, "linear": Maybe(FLAG)},
     "truth": {"disparity": Maybe(TEXT), "depth": Maybe(TEXT), "steps": Maybe(_NOT_ZERO), "right": Maybe(TEXT),
-              "visible": Maybe(TEXT), "along": Maybe(_ALONG)},
+              "visible": Maybe(TEXT), "along": Maybe(_ALONG), "channel": Maybe(TEXT)},
     "camera": {"focal_px": _SIZE, "baseline_m": _SIZE, "cx_px": Maybe(NUMBER), "cy_px": Maybe(NUMBER),
                "doffs_px": Maybe(NUMBER)}}
+#: The keys of the patterns of files.
+_KEYS = {"left": "images.left", "right": "images.right", "disparity": "truth.disparity", "depth": "truth.depth",
+         "truth_right": "truth.right", "visible": "truth.visible"}
 _FIX = "write it as the manual's page on foreign data shows"
 
 
 def plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
     """The pairs that ``pairs.toml`` in a folder names; empty if there is no such file.
 
-    Raises IcyMoonError if it is wrong, or names no left image.
+    Raises IcyMoonError if it is wrong, or names no left image, or a file that no pair has.
     """
     if not (root / FILE).exists():
         return []
@@ -67,9 +73,16 @@ def plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
     if len(kinds) != 1:
         raise IcyMoonError(f"{path}: the table truth has {'both' if kinds else 'neither'} disparity and depth; name "
                            "one of them.")
+    if patterns.get("truth_right") == patterns[kinds[0]]:
+        raise IcyMoonError(f"{path}: truth.right names the files of truth.{kinds[0]}, which are of the left eye; name "
+                           "those of the right eye, or leave it out.")
     names = _names(root, patterns["left"])
     if not names:
         raise IcyMoonError(f"{path}: there is no file {patterns['left']}; correct images.left.")
+    for key, pattern in patterns.items():  # files of single pairs may be missing, which costs these only
+        if not any(os.path.lexists(root / pattern.replace(_PLACE, name)) for name in names):
+            raise IcyMoonError(f"{path}: there is no file {pattern} of any pair, such as "
+                               f"{pattern.replace(_PLACE, names[0])}; correct {_KEYS[key]}.")
     return [find_pair(safe_name(name), root, root / patterns["left"].replace(_PLACE, name),
                       partial(_pair, root, path, name, kinds[0], patterns, data)) for name in names]
 
@@ -92,7 +105,7 @@ def parse_pairs_toml(path: Path) -> dict[str, Any]:
 
 def _checked_pattern(path: Path, key: str, pattern: str) -> str:
     parts = PurePosixPath(pattern).parts
-    if not pattern or "\\" in pattern or ".." in parts or PurePosixPath(pattern).is_absolute() or ":" in pattern:
+    if not pattern or ".." in parts or PurePosixPath(pattern).is_absolute() or any(each in pattern for each in "\\:\0"):
         raise IcyMoonError(f"{path}: {key} is {pattern[:60]!r}, and only files in this folder are read; write a path "
                            "in it, with / between folders.")
     if _PLACE not in pattern:
@@ -118,12 +131,13 @@ def _pair(root: Path, path: Path, name: str, kind: str, patterns: dict[str, str]
         return find_inside(root, patterns[key].replace(_PLACE, name))
 
     steps, along_ray = data["truth"].get("steps"), data["truth"].get("along") == "ray"
+    channel = data["truth"].get("channel")
     if along_ray and kind != "depth":
         raise IcyMoonError(f"{path}: truth.along is of depths, and there are disparities; leave it out.")
     return ForeignPair(
         safe_name(name), root, "Plain folder", name, file("left"), file("right"),
-        MapFile(file(kind), kind, steps, along_ray), partial(_camera, data["camera"]), (path,),
-        MapFile(file("truth_right"), kind, steps, along_ray) if "truth_right" in patterns else None,
+        MapFile(file(kind), kind, steps, along_ray, channel=channel), partial(_camera, data["camera"]), (path,),
+        MapFile(file("truth_right"), kind, steps, along_ray, channel=channel) if "truth_right" in patterns else None,
         Mask("seen", (file("visible"),)) if "visible" in patterns else None, linear=data["images"].get("linear", False))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +23,19 @@ from .input_faults import check_prediction
 PREDICTION = "prediction"
 #: Files that are looked for, the first one counts.
 ENDINGS = (".pfm", ".png", ".npy", ".npz", ".exr", ".tiff", ".tif")
+#: Files of a folder that are looked through for one with another name.
+_LOOKED_THROUGH = 1000
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,59}")
 
 
 def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequence[str] = ()) -> list[Method]:
     """The methods of ``NAME=FOLDER`` texts; ``pairs`` are the names of all pairs, ``taken`` the labels in use.
 
-    Raises IcyMoonError for any other text, a name in use, and a folder without a prediction of any pair.
+    A folder without a prediction of any pair costs its own method, as ``find_prediction`` tells. Raises IcyMoonError
+    for any other text, a name in use, what is no folder, and if no method would have a result.
     """
     found: list[Method] = []
+    empty: list[str] = []
     for text in texts:
         name, equals, folder = text.partition("=")
         if not (equals and folder and _NAME.fullmatch(name)):
@@ -41,9 +46,12 @@ def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequenc
         root = Path(folder).expanduser().absolute()
         if not any(_find(root, pair) for pair in pairs):
             shown = ", ".join(f"{pairs[0]}{ending}" for ending in ENDINGS[:3])
-            raise IcyMoonError(f"{folder} has no disparity of any pair; name the files after the pairs, such as "
-                               f"{shown}.")
+            empty.append(f"{folder} has no disparity of any pair; name the files after the pairs, such as {shown}.")
+            if not root.is_dir():
+                raise IcyMoonError(empty[-1])
         found.append(Method(name, PREDICTION, {"folder": str(root)}))
+    if empty and len(empty) == len(found) and not taken:
+        raise IcyMoonError(empty[0])
     return found
 
 
@@ -59,7 +67,9 @@ def find_prediction(method: Method, pair: str) -> Path:
     root = Path(method.options["folder"])
     found = _find(root, pair)
     if not found:
-        raise IcyMoonError(f"{root} has no disparity of the pair {pair}; add {pair}.pfm, or .png, .npy or .exr.")
+        other = _find_misnamed(root, pair)
+        fix = f"rename {other.name} to {pair}{other.suffix}" if other else f"add {pair}.pfm, or .png, .npy or .exr"
+        raise IcyMoonError(f"{root} has no disparity of the pair {pair}; {fix}.")
     if len(found) > 1:
         raise IcyMoonError(f"{root} has {' and '.join(path.name for path in found)} of the pair {pair}; keep one of "
                            "them.")
@@ -68,6 +78,18 @@ def find_prediction(method: Method, pair: str) -> Path:
 
 def _find(root: Path, pair: str) -> list[Path]:
     return [path for ending in ENDINGS if (path := root / f"{pair}{ending}").is_file()]
+
+
+def _find_misnamed(root: Path, pair: str) -> Path | None:
+    """The one file that may be a prediction and has the name of a pair as a part of its own; None if there are none or
+    several."""
+    named = re.compile(rf"(?<![A-Za-z0-9]){re.escape(pair)}(?![A-Za-z0-9])")
+    try:
+        found = [path for path in islice(root.iterdir(), _LOOKED_THROUGH)
+                 if path.suffix in ENDINGS and named.search(path.stem)]
+    except OSError:
+        return None
+    return found[0] if len(found) == 1 else None
 
 
 def read_prediction(method: Method, prepared: Prepared) -> tuple[np.ndarray, dict[str, Any]]:

@@ -25,6 +25,14 @@ class Channel:
     width: int
     height: int
     dtype: np.dtype[np.generic]
+    part_name: str = ""  # in a file of several
+
+    @property
+    def full_name(self) -> str:
+        """Its name after that of its part, unless it begins as that does: parts may have channels of one name."""
+        first = self.part_name.partition(".")[0]
+        is_named = not first or self.name.startswith(f"{first}.")
+        return self.name if is_named else f"{self.part_name}.{self.name}"
 
     @property
     def size_bytes(self) -> int:
@@ -41,13 +49,15 @@ def parse_channels(foreign: ForeignBytes) -> list[Channel]:
     if int.from_bytes(flags, "little") & _DEEP:
         raise RefusedError("has several depths in a pixel; save it with one, as a flat EXR file.")
     found: list[Channel] = []
-    for number, part in enumerate(read_layout(foreign, tiles=True)):
+    parts = read_layout(foreign, tiles=True)
+    for number, part in enumerate(parts):
         rows, columns = part.shape
         check_size(columns, rows)
+        part_name = part.values.get(b"name", b"").decode() if len(parts) > 1 else ""
         for name, stated in part.channels.items():
             across, down = stated.steps
             found.append(Channel(number, name, -(-columns // across), -(-rows // down),
-                                 np.dtype(f"<{_TYPES[stated.kind]}")))
+                                 np.dtype(f"<{_TYPES[stated.kind]}"), part_name))
             foreign.budget.charge(found[-1].size_bytes, "channels")
     if not found:
         raise ValueError("it has no channels")

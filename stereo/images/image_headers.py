@@ -14,6 +14,7 @@ import numpy as np
 
 from ...formats.image_size import webp_size
 from ...support.foreign_bytes import Cursor, ForeignBytes, RefusedError
+from .exif import UPRIGHT, parse_orientation
 
 #: Most pixels of an image of others: eight times the largest images of Middlebury. Most bytes of them: 32 bits each,
 #: and the header of an array.
@@ -35,7 +36,7 @@ _WEBP_OPACITY, _WEBP_MOST_PARTS = 0x10, 10_000
 _MOST_SEGMENTS, _MOST_SCANS, _MOST_FILL = 10_000, 100, 64
 #: Bytes of a scan that are looked through at once.
 _BLOCK = 2**16
-_START_OF_IMAGE, _END_OF_IMAGE, _START_OF_SCAN = 0xd8, 0xd9, 0xda
+_START_OF_IMAGE, _END_OF_IMAGE, _START_OF_SCAN, _EXIF = 0xd8, 0xd9, 0xda, 0xe1
 #: A block of 8 x 8 pixels has a bit at least, of one of two bands at most, where codes are Huffman's. OpenCV would fill
 #: what is missing with grey.
 _PIXELS_PER_BYTE, _LAST_OF_HUFFMAN = 2 * 64 * 8, 0xc7
@@ -51,6 +52,7 @@ class Encoded:
     width: int
     height: int
     most_bytes: int  # of all pixels
+    orientation: int = UPRIGHT  # by which viewers turn it, see exif
 
 
 def is_webp(start: bytes) -> bool:
@@ -95,7 +97,7 @@ def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> Encoded:
     pixels = check_size(width, height, most_pixels)
     most = _charge(foreign, pixels * (1 if colour == _PNG_GREY else 4) * (2 if depth == 16 else 1))
     cursor = foreign.cursor(8)
-    kept = [PNG]
+    kept, orientation = [PNG], UPRIGHT
     for _ in range(_MOST_PNG_PARTS):
         length, kind = cursor.unpack(">I4s")
         body = cursor.take(length)
@@ -106,10 +108,12 @@ def parse_png(foreign: ForeignBytes, most_pixels: int | None = None) -> Encoded:
             raise ValueError("it states its size twice")
         if kind in _PNG_KEPT:
             kept += [struct.pack(">I4s", length, kind), body, struct.pack(">I", checksum)]
+        elif kind == b"eXIf":
+            orientation = parse_orientation(body)
         elif not kind[0] & 0x20:  # a capital letter: nobody may leave it out
             raise ValueError(f"an unknown part {kind!r}")
         if kind == b"IEND":
-            return Encoded(b"".join(kept), width, height, most)
+            return Encoded(b"".join(kept), width, height, most, orientation)
     raise ValueError(f"more than {_MOST_PNG_PARTS} parts")
 
 
@@ -122,7 +126,7 @@ def parse_jpeg(foreign: ForeignBytes) -> Encoded:
     cursor, values = Cursor(data, foreign.budget), np.frombuffer(data, np.uint8)
     cursor.skip(2)
     frame: tuple[int, int, int] | None = None
-    scans, packs_blocks = 0, True
+    scans, packs_blocks, orientation = 0, True, UPRIGHT
     for _ in range(_MOST_SEGMENTS):
         kind = _next_marker(cursor)
         if kind in _ALONE:
@@ -133,12 +137,15 @@ def parse_jpeg(foreign: ForeignBytes) -> Encoded:
             width, height, _ = frame
             if packs_blocks and cursor.at < width * height / _PIXELS_PER_BYTE:
                 raise ValueError(f"it has {cursor.at} bytes, fewer than its size needs")
-            return Encoded(data[:cursor.at], *frame)
+            return Encoded(data[:cursor.at], *frame, orientation)
         length = cursor.number(">H") - 2
         if kind in _FRAMES:
             if frame:
                 raise ValueError("it states its size twice")
             frame, packs_blocks = _frame(cursor.take(length), foreign), kind <= _LAST_OF_HUFFMAN
+            continue
+        if kind == _EXIF and orientation == UPRIGHT:
+            orientation = parse_orientation(cursor.take(length))
             continue
         cursor.skip(length)
         if kind == _START_OF_SCAN:
@@ -193,7 +200,7 @@ def parse_webp(foreign: ForeignBytes) -> Encoded:
     cursor = Cursor(outer.take(outer.number("<I")), foreign.budget)
     if cursor.take(4) != b"WEBP":
         raise ValueError("it does not begin as WebP")
-    kept, sizes = [], []
+    kept, sizes, orientation = [], [], UPRIGHT
     for _ in range(_WEBP_MOST_PARTS):
         if not cursor.left:
             break
@@ -202,6 +209,8 @@ def parse_webp(foreign: ForeignBytes) -> Encoded:
         cursor.skip(min(length & 1, cursor.left))
         if kind in (b"ANIM", b"ANMF"):
             raise RefusedError("is an animation; save one of its images as PNG.")
+        if kind == b"EXIF":
+            orientation = parse_orientation(body)
         if kind not in _WEBP_KEPT:
             continue
         if kind == b"VP8X":
@@ -216,7 +225,7 @@ def parse_webp(foreign: ForeignBytes) -> Encoded:
     width, height = sizes[0]
     most = _charge(foreign, 4 * check_size(width, height))
     content = b"WEBP" + b"".join(kept)
-    return Encoded(b"RIFF" + struct.pack("<I", len(content)) + content, width, height, most)
+    return Encoded(b"RIFF" + struct.pack("<I", len(content)) + content, width, height, most, orientation)
 
 
 def _packed(foreign: ForeignBytes) -> bytes:

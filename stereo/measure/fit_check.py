@@ -68,6 +68,11 @@ KINDS = {
     "swapped": "with the images exchanged"}
 
 
+#: What turns a map in the readings of these kinds.
+TURNS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "upside_down": lambda a: a[::-1], "mirrored": lambda a: a[:, ::-1], "turned": lambda a: a[::-1, ::-1]}
+
+
 @dataclass(frozen=True)
 class Places:
     """Disparities in px (H, W) at which pixels of the left image are found in the right one, NaN elsewhere, and the
@@ -119,6 +124,12 @@ def find_fault(values: np.ndarray, kind: str, camera: StereoCamera, places: Plac
     return best
 
 
+def is_confirmed(values: np.ndarray, kind: str, camera: StereoCamera, places: Places) -> bool:
+    """Whether the images have enough places, and most of them are where a map ``values`` (H, W) of "depth" (m) or
+    "disparity" (px), NaN where unknown, puts them."""
+    return places.enough() and _share(_reading(values, kind, camera), places.left, places.step) >= _FITS
+
+
 def without_far_plateau(depth_m: np.ndarray, camera: StereoCamera, places: Places) -> tuple[np.ndarray, float | None]:
     """A depth map (H, W) with NaN at its plateau of one far value, which some programs write where a ray meets
     nothing, and that value; None if there is no such plateau.
@@ -165,17 +176,16 @@ def _other_readings(values: np.ndarray, kind: str, camera: StereoCamera, places:
     yield "inverse", values * camera.focal_baseline_px_m - camera.doffs_px, places.left
     if kind == "depth":
         yield "ray", _reading(values / ray_lengths(camera), kind, camera), places.left
-    turns: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-        "upside_down": lambda a: a[::-1], "mirrored": lambda a: a[:, ::-1], "turned": lambda a: a[::-1, ::-1]}
-    for name, turn in turns.items():
+    for name, turn in TURNS.items():
         yield name, turn(stated), places.left
-    yield "right_eye", _seen_from_left(stated), places.left
+    yield "right_eye", seen_from_other(stated, "right"), places.left
     yield "swapped", stated, places.swapped
 
 
-def _seen_from_left(disparity: np.ndarray) -> np.ndarray:
-    """The map of the left eye (H, W) that a map of the right one gives, the nearer point where there are two."""
-    column = matching_column(np.nan_to_num(disparity), "right")
+def seen_from_other(disparity: np.ndarray, eye: str) -> np.ndarray:
+    """The disparities (H, W), px, that the map of ``eye`` gives the other one, of the nearer point where there are two;
+    NaN where there is none."""
+    column = matching_column(np.nan_to_num(disparity), eye)
     place = np.rint(column).astype(np.int64)
     known = np.isfinite(disparity) & (place >= 0) & (place < disparity.shape[1])
     found = np.full(disparity.shape, -np.inf)

@@ -51,7 +51,7 @@ class Notes:
         self._faults = list(faults)
         self._failures: dict[str, list[str]] = {}
         self._search: dict[str, list[tuple[str, Mapping[str, Any]]]] = {method.label: [] for method in methods}
-        self._pairs, self._noisy, self._estimated = 0, 0, 0
+        self._pairs, self._noisy, self._estimated, self._estimated_renders = 0, 0, 0, 0
         self._decided: list[float] = []
         self._baked: list[tuple[float, float, float]] = []  # noise, share, bound
 
@@ -61,6 +61,7 @@ class Notes:
         self._pairs += 1
         self._noisy += noise.get("verdict") == NOISY
         self._estimated += facts.get("occlusion") == ESTIMATED
+        self._estimated_renders += facts.get("occlusion") == ESTIMATED and "layout" not in facts
         baked = facts.get("baked")
         if baked:
             self._baked.append((baked.get("noise", 0.0), baked.get("share", 0.0), baked["bound"]))
@@ -95,9 +96,9 @@ class Notes:
 
     def _occlusion(self) -> Iterator[Note]:
         if self._estimated:
+            better = " Pairs rendered since version 0.2 with quality.truth FULL contain what rays found."
             yield Note(f"Hidden pixels are estimated in {self._estimated} of {count_of(self._pairs, 'pair')}",
-                       "from the depths of both eyes. Pairs rendered since version 0.2 with quality.truth FULL contain "
-                       "what rays found.")
+                       f"from the depths of both eyes.{better if self._estimated_renders else ''}")
 
     def _baked_light(self) -> Iterator[Note]:
         if not self._baked:

@@ -52,6 +52,47 @@ def test_a_missing_calibration(tmp_path):
     refused(root, "000000.txt is missing; add it")
 
 
+def two_scenes(root):
+    for name in ("a", "b"):
+        foreign.middlebury(root / name)
+        (root / name / "Adirondack").rename(root / f"scene_{name}")
+        (root / name).rmdir()
+    return root
+
+
+def two_pairs(root):
+    plain(root, foreign.constant(), 'disparity = "truth/{pair}.npy"\nvisible = "m/{pair}.png"')
+    foreign.write_image(root / "m" / "a.png", np.full((foreign.HEIGHT, foreign.WIDTH), 255, np.uint8))
+    for path in [*root.glob("*/a.*")]:
+        shutil.copy(path, path.with_stem("b"))
+    return root
+
+
+TWO = {"plain": two_pairs, "kitti": lambda root: foreign.kitti_2015(root, frames=2), "middlebury": two_scenes}
+
+
+@pytest.mark.parametrize(("layout", "name"), [
+    ("plain", "right/b.png"), ("plain", "truth/b.npy"), ("plain", "m/b.png"),
+    ("kitti", "training/image_3/000001_10.png"),
+    ("kitti", "training/disp_occ_0/000001_10.png"), ("kitti", "training/calib_cam_to_cam/000001.txt"),
+    ("middlebury", "scene_b/calib.txt"), ("middlebury", "scene_b/im1.png"), ("middlebury", "scene_b/disp0.pfm")])
+def test_a_missing_or_damaged_file_costs_its_own_pair(tmp_path, layout, name):
+    root = TWO[layout](tmp_path)
+    (root / name).unlink()
+    for words in ("is missing; add it, or leave out this pair.", str(root / name)):
+        sound, broken = find_sources([root])
+        assert np.isfinite(sound.prepare({}).truth).any()
+        with pytest.raises(IcyMoonError, match=re.escape(words)):
+            broken.prepare({})
+        (root / name).write_bytes(b"\xff\xfe\x00")
+
+
+def test_a_pattern_that_no_file_has_is_told_once(tmp_path):
+    root = two_pairs(tmp_path)
+    shutil.rmtree(root / "right")
+    refused(root, "there is no file right/{pair}.png of any pair, such as right/a.png; correct images.right.")
+
+
 @pytest.mark.parametrize(("line", "words"), [
     ("baseline=200\n", "has no baseline, without which disparities give no depths; add it"),
     ("cam0=[100 0 47.5; 0 100 31.5; 0 0 1]\n", "has no cam0")])
@@ -65,7 +106,9 @@ def test_a_calibration_that_lacks_a_line(tmp_path, line, words):
 @pytest.mark.parametrize(("line", "words"), [
     ("baseline=0", "gives a baseline of 0"), ("baseline=none", "'none', not a number"),
     ("cam0=[100 0 47.5; 0 100 31.5]", "not 9 numbers"), ("width=48", "is for 48 x 64 px"),
-    ("dymax=nan", "not a number")])
+    ("dymax=nan", "not a number"), ("doffs=0", "doffs 0 px, and the principal points of cam0 and cam1 are 20 px apart"),
+    ("cam1=[100 0 47.5; 0 100 31.5; 0 0 1]", "are 0 px apart; correct the one that is wrong"),
+    ("cam1=[100 0 47.5]", "not 9 numbers")])
 def test_a_calibration_with_a_wrong_number(tmp_path, line, words):
     root = foreign.middlebury(tmp_path)
     path = root / "Adirondack" / "calib.txt"
@@ -83,6 +126,31 @@ def test_sizes_that_differ(tmp_path):
     foreign.write_image(root / "right" / "a.png", image)
     np.save(root / "truth" / "a.npy", foreign.constant()[:60])
     refused(root, "a.npy is 96 x 60 px, and the images are 96 x 64 px")
+
+
+@pytest.mark.parametrize(("kind", "change", "words"), [
+    ("disparity", lambda a: a.repeat(2, 0).repeat(2, 1), "192 x 128 px, and the images are 96 x 64 px; reduce the map "
+                                                         "to that size and divide its disparities by 2."),
+    ("disparity", lambda a: a[::4, ::4], "enlarge the map to that size and multiply its disparities by 4."),
+    ("depth", lambda a: a.repeat(2, 0).repeat(2, 1), "reduce the map to that size and keep its depths as they are."),
+    ("depth", lambda a: a.T, "is 64 x 96 px, and the images are 96 x 64 px; exchange its rows and columns."),
+    ("depth", lambda a: a[:60], "give a depth for each pixel of the image.")])
+def test_a_truth_of_another_size_is_told_how_to_become_right(tmp_path, kind, change, words):
+    refused(plain(tmp_path, change(foreign.constant()), f'{kind} = "truth/{{pair}}.npy"'), words)
+
+
+@pytest.mark.parametrize(("kind", "unit"), [("depth", "metre"), ("disparity", "px")])
+def test_the_fix_of_a_picture_has_the_unit_of_the_map(tmp_path, kind, unit):
+    path = foreign.write_image(tmp_path / "a.png", foreign.eyes()[0])
+    with pytest.raises(IcyMoonError, match=f"state its steps per {unit} as truth.steps"):
+        read_map(MapFile(path, kind))
+    for content in (foreign.eyes(colour=True)[0], None):
+        if content is None:
+            path.write_bytes(b"GIF89a")
+        else:
+            foreign.write_image(path, content)
+        with pytest.raises(IcyMoonError, match=rf"16-bit PNG .*steps per {unit}\b"):
+            read_map(MapFile(path, kind))
 
 
 def test_a_truth_without_a_number(tmp_path):
@@ -110,6 +178,34 @@ def test_a_true_depth_in_millimetres(tmp_path):
                             for key in ("focal_px", "baseline_m"))
     np.save(root / "truth" / "a.npy", 1000 * focal_px * baseline_m / foreign.constant())
     refused(root, "a.npy has depths that are 1000 times too large; divide them by 1000", "truth.steps")
+
+
+@pytest.mark.parametrize(("focal_px", "baseline_m", "words"), [
+    (280, 0.5, "2 times too small; multiply them by 2, or state truth.steps in pairs.toml, unless camera.focal_px or "
+               "camera.baseline_m there is 2 times too large"),
+    (140, 500, "1000 times too small; multiply them by 1000"), (140, 0.05, "is 10 times too small, which looks the")])
+def test_depths_that_a_wrong_camera_contradicts(tmp_path, focal_px, baseline_m, words):
+    """A common factor does not tell whether the depths or the camera are wrong."""
+    root = plain(tmp_path, 70 / foreign.constant(), 'depth = "truth/{pair}.npy"')
+    text = (root / "pairs.toml").read_text()
+    (root / "pairs.toml").write_text(text.replace("focal_px = 140", f"focal_px = {focal_px}").replace(
+        "baseline_m = 0.5", f"baseline_m = {baseline_m}"))
+    refused(root, "a.npy has depths that are", words)
+
+
+@pytest.mark.parametrize(("focal_px", "baseline_m", "words"), [
+    (140, 0.5, None), (140, 500, "The baseline is 500 m, outside of 0.001 to 3 m"), (140, 2e-4, "baseline is 0.0002"),
+    (4, 0.5, "The focal length is 4 px, outside of 14.4 to 2880 px for images of 96 px"), (9000, 0.5, "9000 px")])
+def test_a_camera_that_no_stereo_head_has_is_doubtful(tmp_path, focal_px, baseline_m, words):
+    """Disparities do not tell its lengths."""
+    root = plain(tmp_path, foreign.constant())
+    text = (root / "pairs.toml").read_text()
+    (root / "pairs.toml").write_text(text.replace("focal_px = 140", f"focal_px = {focal_px}").replace(
+        "baseline_m = 0.5", f"baseline_m = {baseline_m}"))
+    source, = find_sources([root])
+    warnings = source.prepare({}).facts["warnings"]
+    assert len(warnings) == (words is not None)
+    assert words is None or words in warnings[0]
 
 
 def test_exchanged_eyes(tmp_path):
@@ -158,7 +254,7 @@ def test_a_wrong_toml(tmp_path, toml, words):
 
 
 @pytest.mark.parametrize("pattern", ["../secret/{pair}.npy", "/etc/{pair}.npy", "C:/{pair}.npy", "a\\\\{pair}.npy",
-                                     "truth/../../{pair}.npy"])
+                                     "truth/../../{pair}.npy", "a\\u0000{pair}.npy"])
 def test_no_path_leaves_the_folder(tmp_path, pattern):
     root = plain(tmp_path / "set", foreign.constant(), f'depth = "{pattern}"')
     (tmp_path / "secret").mkdir()
@@ -239,10 +335,12 @@ def test_an_evaluation_goes_on_beside_a_link_that_leads_outside(tmp_path):
     assert "b.npy is outside of" in failed["message"]
 
 
+@pytest.mark.skipif(os.name == "nt", reason="links need a privilege on Windows")
 def test_a_data_set_without_a_usable_pair_is_refused_at_once(tmp_path):
     root, name, _ = with_two_pairs("kitti", tmp_path / "set")
-    shutil.rmtree((root / name).parent)
-    with pytest.raises(IcyMoonError, match=r"000000\.txt is missing"):
+    shutil.move((root / name).parent, tmp_path / "secret")
+    (root / name).parent.symlink_to(tmp_path / "secret")
+    with pytest.raises(IcyMoonError, match=r"000000\.txt is outside of"):
         find_sources([root])
 
 

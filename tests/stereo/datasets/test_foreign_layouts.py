@@ -69,6 +69,17 @@ def test_middlebury_3_and_eth3d(tmp_path):
     assert prepared.occlusion_known
 
 
+@pytest.mark.parametrize("without", ["doffs=12\n", "cam1=[100 0 59.5; 0 100 31.5; 0 0 1]\n"])
+def test_middlebury_states_the_principal_points_in_either_way(tmp_path, without):
+    root = foreign.middlebury(tmp_path, doffs=12)
+    path = root / "Adirondack" / "calib.txt"
+    text = path.read_text().replace("doffs=12.0", "doffs=12")
+    assert without in text
+    path.write_text(text.replace(without, ""))
+    _, prepared = only(root)
+    check(prepared, 20, doffs=12)
+
+
 @pytest.mark.parametrize("negative", [False, True])
 def test_sceneflow_of_either_sign(tmp_path, negative):
     driving, monkaa = find_foreign_pairs(foreign.sceneflow(tmp_path, negative))
@@ -92,7 +103,7 @@ def test_sintel(tmp_path):
 
 
 def test_sintel_without_cameras_says_what_to_add(tmp_path):
-    with pytest.raises(IcyMoonError, match=r"frame_0001\.cam is missing.*; add the folder camdata_left"):
+    with pytest.raises(IcyMoonError, match=r"camdata_left is missing.*; add this folder of Sintel's"):
         find_sources([foreign.sintel(tmp_path, camera=False)])
 
 

@@ -127,13 +127,31 @@ def test_two_predictions_of_one_pair_are_no_prediction(dataset, truth, tmp_path)
 @pytest.mark.parametrize(("text", "words"), [
     ("net", "write it as NAME=FOLDER"), ("=folder", "write it as NAME=FOLDER"), ("-net=x", "begins with a letter"),
     ("bm={folder}", "there is already a method bm"), ("net={folder}/none", "has no disparity of any pair"),
-    ("net={folder}", "name the files after the pairs, such as one.pfm, one.png, one.npy")])
+    ("net={folder}/none", "name the files after the pairs, such as one.pfm, one.png, one.npy")])
 def test_a_mistake_in_the_option_is_told_before_anything_runs(dataset, tmp_path, text, words):
     (tmp_path / "p").mkdir()
     with pytest.raises(IcyMoonError) as caught:
         evaluate([dataset], parse_methods("bm"), tmp_path / "out",
                  predictions=[text.replace("{folder}", str(tmp_path / "p"))])
     assert words in str(caught.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_wrong_names_in_a_folder_cost_its_own_method(dataset, truth, tmp_path):
+    (tmp_path / "good").mkdir()
+    (tmp_path / "wrong").mkdir()
+    for name in ("one", "two"):
+        np.save(tmp_path / "good" / f"{name}.npy", truth)
+    np.save(tmp_path / "wrong" / "one_left.npy", truth)
+    wrong = f"wrong={tmp_path / 'wrong'}"
+    for others, methods in (([f"good={tmp_path / 'good'}"], []), ([], parse_methods("bm"))):
+        rows = list(evaluate([dataset], methods, tmp_path / f"out{len(others)}", predictions=[wrong, *others])["rows"])
+        assert {row["status"] for row in rows if row["method"] != "wrong"} == {"ok"}
+        assert [row["error"] for row in rows if row["method"] == "wrong"] == [
+            f"{tmp_path / 'wrong'} has no disparity of the pair one; rename one_left.npy to one.npy.",
+            f"{tmp_path / 'wrong'} has no disparity of the pair two; add two.pfm, or .png, .npy or .exr."]
+    with pytest.raises(IcyMoonError, match="has no disparity of any pair; name the files after the pairs"):
+        evaluate([dataset], [], tmp_path / "out", predictions=[wrong])  # nothing would be left
     assert not (tmp_path / "out").exists()
 
 

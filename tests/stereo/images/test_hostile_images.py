@@ -19,10 +19,9 @@ import OpenEXR
 import pytest
 from hostile_images import HEIGHT, IMAGES, MAPS, WHOLE, WIDTH, encode, png, texture
 from icymoon.errors import IcyMoonError
-from icymoon.stereo.datasets.data_files import MapFile, choose_channel, find_inside, read_image, read_map
+from icymoon.stereo.datasets.data_files import MapFile, find_inside, read_image, read_map
 from icymoon.stereo.images import bounded_decoding
 from icymoon.stereo.images.image_files import read_pfm, read_png
-from icymoon.support.foreign_bytes import RefusedError
 from icymoon.system import count_processors, is_ended_by_time_limit, is_gone, process_scope
 
 READERS = {"image": read_image, "map": lambda path: read_map(MapFile(path)),
@@ -104,9 +103,6 @@ def test_a_channel_is_chosen_by_its_name(tmp_path, kind):
              for k, (name, channel) in enumerate({"a": "a.V", "b": "b.V", "c": "depth"}.items(), 1)]
     OpenEXR.File(parts).write(str(path))
     np.testing.assert_array_equal(read_map(MapFile(path)), 3 * values)
-    assert [choose_channel(names) for names in (["any"], ["R", "Z"], ["a.Y", "b.depth"])] == ["any", "Z", "b.depth"]
-    with pytest.raises(RefusedError, match="name the one with the map Z"):
-        choose_channel(["a", "b"])
 
 
 def test_tiles_are_read(tmp_path):

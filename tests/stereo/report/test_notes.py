@@ -49,6 +49,16 @@ def test_only_what_makes_results_doubtful_is_a_doubt():
         assert [note.doubtful for note in notes.found()] == [doubtful], facts
 
 
+def test_photographs_are_not_told_how_to_render():
+    for added, rendered in (([{"layout": "GUISS"}], False), ([{}], True), ([{"layout": "KITTI 2015"}, {}], True)):
+        notes = Notes(parse_methods("bm"))
+        for facts in added:
+            notes.add_pair(facts | {"occlusion": ESTIMATED})
+        sentence, = (note.sentence for note in notes.found())
+        assert sentence.startswith(f"Hidden pixels are estimated in {len(added)} of")
+        assert ("quality.truth" in sentence) == rendered
+
+
 def test_of_one_pair_no_number_is_stated():
     for verdict, words in ((DECIDES, "Noise of the render decides the result: "), (NOISY, "The render is noisy: ")):
         notes = Notes(parse_methods("bm"))

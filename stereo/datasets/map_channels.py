@@ -1,0 +1,111 @@
+"""Which channel of an EXR file, or which array of an npz file, holds a map of disparity or depth.
+
+A file may have many: colours, normals, the depths of several layers. One is taken only if its name, and those of the
+channels beside it, leave no other; where several remain, the user states one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ...files import shorten
+from ...support.foreign_bytes import RefusedError
+
+#: How layers, passes or channels that hold a map are called; then components that do in other passes than those of
+#: directions, places, colours and labels, the likeliest first.
+_WORDS = {"depth": ("depth", "disparity"), "disparity": ("disparity", "depth")}
+_COMPONENTS = ("Z", "Y", "V", "R")
+_NO_MAPS = ("normal", "position", "vector", "uv", "image", "combined", "rgb", "colour", "color", "diff", "gloss",
+            "emit", "index", "crypto", "shadow", "ao", "mist")
+#: How many names a sentence quotes.
+_SHOWN = 6
+#: Components of a vector, of which none is a map if there are two or more; of a picture; and its opacity.
+_VECTOR, _COLOURS, _OPACITY = {"x", "y", "z"}, ("R", "G", "B"), "A"
+
+
+def choose_channel(names: Sequence[str], kind: str, predicted: bool = False) -> str:
+    """The channel, of those with these ``names``, that holds a map of ``kind`` "depth" or "disparity".
+
+    It is one of a layer or pass that is called so, else one whose own name is usual for a map. A component such as Z is
+    a depth in a pass called Depth, and a direction in one called Normal or beside an X and a Y. Raises RefusedError if
+    several layers may hold the map, or none; ``predicted`` ones are of no ``pairs.toml``, in which it may be stated.
+    """
+    if len(names) == 1:
+        return names[0]
+    scalars = [name for name in names if name.rpartition(".")[2] != _OPACITY and not _is_of_vector(name, names)]
+    for group in _candidates(scalars, kind):
+        if len(group) > 1:
+            raise RefusedError(f"has several channels that may hold the {_plural(kind)}, {_listed(group)}; "
+                               + (f"keep one of them, as {kind}.Y." if predicted else
+                                  "state one of them as truth.channel in pairs.toml."))
+        if group:
+            return group[0]
+    raise RefusedError(f"has the channels {_listed(names)}, and none is called as one with {_plural(kind)}; "
+                       + (f"write them as the channel {kind}.Y." if predicted else
+                          f"write the {_plural(kind)} as the channel {kind}.Y, or state theirs as truth.channel in "
+                          "pairs.toml."))
+
+
+def find_stated(names: Sequence[str], stated: str) -> str:
+    """The one of ``names`` that ``truth.channel`` states. Raises RefusedError if it is not among them."""
+    if stated not in names:
+        raise RefusedError(f"has no {shorten(stated)}, which truth.channel in pairs.toml states, but "
+                           f"{_listed(names)}; state one of these.")
+    return stated
+
+
+def choose_array(names: Sequence[str], kind: str, predicted: bool = False) -> str:
+    """The array of an npz that is called as its ``kind``, or its only one. Raises RefusedError if there is neither."""
+    if kind in names:
+        return kind
+    if len(names) == 1:
+        return names[0]
+    raise RefusedError(f"contains the arrays {_listed(names)}; call the one with the {_plural(kind)} {kind}"
+                       + ("." if predicted else ", or state it as truth.channel in pairs.toml."))
+
+
+def _listed(names: Sequence[str]) -> str:
+    """The first names, whole as a user has to state them."""
+    shown = [shorten(name) for name in names[:_SHOWN]]
+    return ", ".join([*shown, *([f"{len(names) - _SHOWN} more"] if len(names) > _SHOWN else [])])
+
+
+def _plural(kind: str) -> str:
+    return "depths" if kind == "depth" else "disparities"
+
+
+def _candidates(names: Sequence[str], kind: str) -> list[list[str]]:
+    """Groups of channels of different layers that may hold the map, the likeliest group first."""
+    other_words = [name for name in names if not any(layer.startswith(_NO_MAPS) for layer in _words(name)[:-1])]
+    return [*(_one_of_each_picture([name for name in names if fits(word, name)])
+              for word in _WORDS[kind] for fits in (_is_called, _begins_as)),
+            *(_one_of_each_picture([name for name in other_words if name.split(".")[-1] == component])
+              for component in _COMPONENTS)]
+
+
+def _is_called(word: str, name: str) -> bool:
+    return word in _words(name)
+
+
+def _begins_as(word: str, name: str) -> bool:
+    return any(part.startswith(word) for part in _words(name))
+
+
+def _words(name: str) -> list[str]:
+    return name.lower().split(".")
+
+
+def _one_of_each_picture(names: Sequence[str]) -> list[str]:
+    """These channels, but of the colours of a layer only the first: a depth may come as three equal ones."""
+    found: dict[str, str] = {}
+    for name in sorted(names, key=lambda name: "RGB".find(name.rpartition(".")[2])):
+        layer, _, own = name.rpartition(".")
+        found.setdefault(f"{layer}." if own in _COLOURS else name, name)
+    return sorted(found.values())
+
+
+def _is_of_vector(name: str, names: Sequence[str]) -> bool:
+    """Whether a channel is a component of a vector, by those beside it."""
+    layer, _, own = name.rpartition(".")
+    beside = {each.rpartition(".")[2].lower() for each in names if each.rpartition(".")[0] == layer} & _VECTOR
+    return own.lower() in beside and len(beside) > 1
