@@ -26,6 +26,7 @@ from ..nodes.datablocks.blend_file_paths import content
 from ..nodes.scene import Built, extra
 from ..nodes.surface.reflectance_laws import OF_NODES
 from ..physics.camera.blur import blur_identity
+from ..physics.mesh.fine_relief import still_from_m
 from ..physics.scene_requirements import surface_topics
 from ..physics.surfaces import principled
 from ..settings.description import digest, merged
@@ -106,7 +107,7 @@ def write_geometry(built: Built, scene: bpy.types.Scene, folder: Path, kind: str
         made = make_ground_map(built, scene, folder, cell_m)
         facts |= write_map(made, built.settings, built.ground, folder) | {"left_out": _left_out_of_maps(built.settings)}
     else:
-        meshes = _collect(scene, kind, built.settings.quality.threads)
+        meshes = _collect(scene, kind, built.settings)
         names = write_meshes(meshes, kind, built.settings, folder)
         facts |= {"files": names, "meshes": {each: _count(own) for each, own in by_kind(meshes).items()},
                   "left_out": _left_out_of_meshes(built.settings)}
@@ -137,7 +138,7 @@ def _left_out_of_maps(settings: Settings) -> list[str]:
     return found
 
 
-def _collect(scene: bpy.types.Scene, suffix: str, threads: int) -> list[PlacedMesh]:
+def _collect(scene: bpy.types.Scene, suffix: str, settings: Settings) -> list[PlacedMesh]:
     """The meshes that ``scene`` renders, with their places. Raises IcyMoonError if there are none, or more triangles
     than a file of this suffix should have."""
     scene.view_layers[0].update()
@@ -163,7 +164,8 @@ def _collect(scene: bpy.types.Scene, suffix: str, threads: int) -> list[PlacedMe
         else:
             ready[item.data.name_full] = mesh_triangles(item.data)
     for name, original in moved.items():
-        with as_rendered(original, counted[name].places[0], threads) as made:
+        with as_rendered(original, counted[name].places[0], settings.quality.threads,
+                         still_from_m(settings.surface)) as made:
             ready[name] = mesh_triangles(made)
     return [PlacedMesh(each.kind, *ready[name], np.array(each.places)) for name, each in counted.items()]
 

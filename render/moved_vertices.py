@@ -1,16 +1,19 @@
 """Where Cycles moves the vertices of a mesh by the displacement of its material, before it traces.
 
-Blender has no function for these places, but Cycles bakes positions to texels. They are baked twice: of the moved
-surface, and of the surface at rest, with the same material as shading only. The second place of a texel shows where
-within its triangle it is, and the difference of both is the shift there, which is linear within the triangle. As many
-texels as a facet has corners so determine the shifts of the corners, to a few units of single precision. (A bake at the
-vertices themselves is moved 1e-4 of the coordinates into the facets.)
+Cycles moves each vertex along its normal by the height that the material has there. Geometry nodes compute the height
+of our own materials, see ``nodes.tree.evaluate_field``. For other materials Cycles bakes positions to texels, which
+takes four times as long. They are baked twice: of the moved surface, and of the surface at rest, with the same material
+as shading only. The second place of a texel shows where within its triangle it is, and the difference of both is the
+shift there, which is linear within the triangle. As many texels as a facet has corners so determine the shifts of the
+corners, to a few units of single precision. (A bake at the vertices themselves is moved 1e-4 of the coordinates into
+the facets.)
 
 A mesh with instances is moved once, where the first of them stands, as Cycles does it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
@@ -19,9 +22,11 @@ import numpy as np
 from mathutils import Matrix
 
 from ..errors import IcyMoonError
-from ..nodes.ground.terrain_mesh import build_mesh_from_arrays
+from ..nodes.ground.terrain_mesh import SPACING, build_mesh_from_arrays
+from ..nodes.tree.evaluate_field import NotTranslatable, evaluate_field, read_numbers
 from ..physics.light import baked_texels
 from . import texel_bakes
+from .mesh_arrays import read_corners, read_smooth, read_triangles, read_vertices
 
 #: Facets whose texels are baked at a time: about 600 MB.
 _BAKED_FACETS = 2_000_000
@@ -44,22 +49,18 @@ def is_moved(mesh: bpy.types.Mesh) -> bool:
 
 
 @contextmanager
-def as_rendered(mesh: bpy.types.Mesh, place: np.ndarray, threads: int = 0) -> Iterator[bpy.types.Mesh]:
+def as_rendered(mesh: bpy.types.Mesh, place: np.ndarray, threads: int = 0,
+                still_m: float = math.inf) -> Iterator[bpy.types.Mesh]:
     """A mesh of triangles like ``mesh``, with its vertices where Cycles moves them, while the context is open.
 
     ``place`` (4, 4) is the matrix of the mesh's object, of the first instance if there are several; ``threads`` as in
-    ``quality.threads``. Raises IcyMoonError if Cycles cannot bake.
+    ``quality.threads``. Vertices whose attribute ``SPACING`` is ``still_m`` or more are known not to move. Raises
+    IcyMoonError if Cycles cannot bake.
     """
-    corners, groups = _group_corners(mesh)
-    shift = _find_shifts(mesh, place, groups, threads)
-    vertices = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", vertices)
-    moved = np.zeros((len(shift), 3))
-    moved[groups] = vertices.reshape(-1, 3)[corners]
-    moved += shift @ np.linalg.inv(place[:3, :3]).T
-    loops, polygons = _read_triangles(mesh)
-    flat = ~_read_smooth(mesh)[polygons]
-    made = build_mesh_from_arrays(_NAME, moved.astype(np.float32), groups[loops].astype(np.int32))
+    moved, groups = move_corners(mesh, place, threads, still_m)
+    loops, polygons = read_triangles(mesh)
+    flat = ~read_smooth(mesh)[polygons]
+    made = build_mesh_from_arrays(_NAME, moved, groups[loops].astype(np.int32))
     made.polygons.foreach_set("use_smooth", ~flat)
     try:
         yield made
@@ -67,49 +68,71 @@ def as_rendered(mesh: bpy.types.Mesh, place: np.ndarray, threads: int = 0) -> It
         bpy.data.meshes.remove(made)
 
 
-def _read_smooth(mesh: bpy.types.Mesh) -> np.ndarray:
-    smooth = np.empty(len(mesh.polygons), bool)
-    mesh.polygons.foreach_get("use_smooth", smooth)
-    return smooth
+def move_corners(mesh: bpy.types.Mesh, place: np.ndarray, threads: int = 0,
+                 still_m: float = math.inf) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (n, 3) float32, in the coordinates of a mesh, where Cycles moves its vertices, and of each corner of a
+    facet which of them it is. See ``as_rendered``."""
+    groups, vertex, normals = _group_corners(mesh)
+    vertices = read_vertices(mesh)
+    if (height := _find_heights(mesh, vertices, place, still_m)) is not None:
+        shift = height[vertex, None] * normals
+    else:
+        shift = _find_shifts(mesh, place, groups, len(vertex), threads) @ np.linalg.inv(place[:3, :3]).T
+    return (vertices[vertex] + shift).astype(np.float32), groups
 
 
-def _read_triangles(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Corners (n, 3) of the triangles that a mesh is rendered as, and the facet (n,) of each."""
-    mesh.calc_loop_triangles()
-    loops, facets = np.empty(3 * len(mesh.loop_triangles), np.int32), np.empty(len(mesh.loop_triangles), np.int32)
-    mesh.loop_triangles.foreach_get("loops", loops)
-    mesh.loop_triangles.foreach_get("polygon_index", facets)
-    return loops.reshape(-1, 3), facets
+def _find_heights(mesh: bpy.types.Mesh, vertices: np.ndarray, place: np.ndarray, still_m: float) -> np.ndarray | None:
+    """By how much (n,) the material of a mesh moves its vertices (n, 3); None if geometry nodes cannot tell."""
+    if len(mesh.materials) != 1:
+        return None
+    displacement = mesh.materials[0].node_tree.get_output_node("CYCLES").inputs["Displacement"].links[0].from_node
+    inputs = displacement.inputs
+    if (displacement.bl_idname != "ShaderNodeDisplacement" or displacement.space != "OBJECT"
+            or inputs["Normal"].is_linked or not inputs["Height"].is_linked
+            or any(inputs[name].is_linked for name in ("Midlevel", "Scale"))):
+        return None
+    spacing = read_numbers(mesh, SPACING) if math.isfinite(still_m) else None
+    some = np.flatnonzero(spacing < still_m) if spacing is not None else np.arange(len(vertices))
+    try:
+        value = evaluate_field(inputs["Height"].links[0].from_socket,
+                               vertices[some].astype(np.float64) @ place[:3, :3].T + place[:3, 3], mesh, some)
+    except NotTranslatable:
+        return None
+    height = np.zeros(len(vertices))
+    height[some] = (value.astype(np.float64) - inputs["Midlevel"].default_value) * inputs["Scale"].default_value
+    return height
 
 
-def _group_corners(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
-    """Of each corner its vertex and the group, from 0, of corners that move together.
+def _group_corners(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each corner the group of corners that move together; of each group its vertex, and the normal (3) that it
+    moves along.
 
-    That is the vertex. Only where edges are sharp or the mesh has normals of its own, Cycles makes a vertex for each
+    A group is a vertex. Only where edges are sharp or the mesh has normals of its own, Cycles makes a vertex for each
     normal, and moves them apart.
     """
-    corners = np.empty(len(mesh.loops), np.int32)
-    mesh.loops.foreach_get("vertex_index", corners)
+    corners = read_corners(mesh)
     sharp = mesh.attributes.get("sharp_edge")
     marks = np.zeros(len(sharp.data) if sharp is not None else 0, bool)
     if sharp is not None:
         sharp.data.foreach_get("value", marks)
     if not marks.any() and not mesh.has_custom_normals:
-        return corners, np.unique(corners, return_inverse=True)[1].reshape(-1)
+        along = np.empty(3 * len(mesh.vertices), np.float32)
+        mesh.vertex_normals.foreach_get("vector", along)
+        return corners, np.arange(len(mesh.vertices)), along.reshape(-1, 3)
     normals = np.empty(3 * len(mesh.loops), np.float32)
     mesh.corner_normals.foreach_get("vector", normals)
-    rows = np.column_stack([corners.view(np.float32), normals.reshape(-1, 3) + np.float32(0)])  # no negative zeros
-    return corners, np.unique(rows.view(np.dtype((np.void, rows.itemsize * 4))), return_inverse=True)[1].reshape(-1)
+    normals = normals.reshape(-1, 3)
+    rows = np.column_stack([corners.view(np.float32), normals + np.float32(0)])  # no negative zeros
+    _, first, groups = np.unique(rows.view(np.dtype((np.void, rows.itemsize * 4))), return_index=True,
+                                 return_inverse=True)
+    return groups.reshape(-1), corners[first], normals[first]
 
 
-def _find_shifts(mesh: bpy.types.Mesh, place: np.ndarray, groups: np.ndarray, threads: int) -> np.ndarray:
-    """The shifts (groups, 3), in the world, of the corners of a mesh that move together."""
+def _find_shifts(mesh: bpy.types.Mesh, place: np.ndarray, groups: np.ndarray, many: int, threads: int) -> np.ndarray:
+    """The shifts (many, 3), in the world, of the ``groups`` of corners of a mesh that move together."""
     starts, counts, corners, areas = texel_bakes.read_facets(mesh)
-    vertices = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", vertices)
-    at_rest = vertices.reshape(-1, 3) @ place[:3, :3].T + place[:3, 3]
+    at_rest = read_vertices(mesh) @ place[:3, :3].T + place[:3, 3]
     diagonals = _find_diagonals(mesh, starts)
-    many = int(groups.max()) + 1
     total, weights = np.zeros((many, 3)), np.zeros(many)
     for first in range(0, len(starts), _BAKED_FACETS):
         wanted = np.zeros(len(starts), bool)
@@ -136,7 +159,7 @@ def _find_shifts(mesh: bpy.types.Mesh, place: np.ndarray, groups: np.ndarray, th
 
 def _find_diagonals(mesh: bpy.types.Mesh, starts: np.ndarray) -> np.ndarray:
     """Whether facets of four corners are rendered as triangles 0 1 3 and 1 2 3, not as 0 1 2 and 0 2 3."""
-    loops, facets = _read_triangles(mesh)
+    loops, facets = read_triangles(mesh)
     first = np.zeros(len(starts), np.int64)
     first[facets[::-1]] = np.arange(len(facets))[::-1]
     return np.asarray((loops[first] - starts[:, None] == 3).any(axis=1))

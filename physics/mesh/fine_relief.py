@@ -61,6 +61,11 @@ def carried_share(surface: SurfaceSettings, spacing_m: float) -> float:
     return math.sqrt(float(share**2 @ weight / weight.sum()))
 
 
+def still_from_m(surface: SurfaceSettings) -> float:
+    """Spacing of vertices in metres from which fine relief does not move them; infinite if it may move all."""
+    return float(surface.grain_size_m) if surface.relief == "REAL" else math.inf
+
+
 def displacement_advice(settings: Settings, spacing_m: float) -> list[str]:
     """A sentence if displacement loses fine relief on a mesh whose nearest vertices are ``spacing_m`` apart."""
     surface = settings.surface

@@ -1,0 +1,48 @@
+"""The arrays of a mesh. Its attributes are copied as a whole, where Blender's properties are asked facet by facet."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+
+def read_vertices(mesh: bpy.types.Mesh) -> np.ndarray:
+    """The vertices (n, 3) float32 of a mesh."""
+    vertices = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.attributes["position"].data.foreach_get("vector", vertices)
+    return vertices.reshape(-1, 3)
+
+
+def read_corners(mesh: bpy.types.Mesh) -> np.ndarray:
+    """The vertex (k,) int32 of each corner of a facet of a mesh."""
+    corners = np.empty(len(mesh.loops), np.int32)
+    mesh.attributes[".corner_vert"].data.foreach_get("value", corners)
+    return corners
+
+
+def read_triangles(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (m, 3) of the triangles that a mesh is rendered as, and the facet (m,) of each."""
+    mesh.calc_loop_triangles()
+    loops, facets = np.empty(3 * len(mesh.loop_triangles), np.int32), np.empty(len(mesh.loop_triangles), np.int32)
+    mesh.loop_triangles.foreach_get("loops", loops)
+    mesh.loop_triangle_polygons.foreach_get("value", facets)
+    return loops.reshape(-1, 3), facets
+
+
+def read_smooth(mesh: bpy.types.Mesh) -> np.ndarray:
+    """Whether (n,) the facets of a mesh are shaded smoothly."""
+    return ~_read_facets(mesh, "sharp_face", bool)
+
+
+def read_slots(mesh: bpy.types.Mesh) -> np.ndarray:
+    """The number (n,) int32 of the material of each facet of a mesh."""
+    return _read_facets(mesh, "material_index", np.int32)
+
+
+def _read_facets(mesh: bpy.types.Mesh, name: str, kind: type) -> np.ndarray:
+    """The values (n,) of an attribute of facets, 0 without it."""
+    values: np.ndarray = np.zeros(len(mesh.polygons), kind)
+    attribute = mesh.attributes.get(name)
+    if attribute is not None:
+        attribute.data.foreach_get("value", values)
+    return values
