@@ -1,0 +1,212 @@
+"""Embree, driven without a wrapper: the library that Blender has for Cycles, or the one in the package embreex.
+
+Embree 4 API, https://www.embree.org/api.html. Vertices stay where they are; Embree keeps a pointer to them.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+from collections.abc import Iterator, Sequence
+from ctypes import POINTER, c_char_p, c_float, c_int, c_size_t, c_uint, c_void_p
+from pathlib import Path
+
+import numpy as np
+
+from .shapes import Hits, World
+
+#: Names of the library on Linux, Windows and macOS. Packages from PyPI add a mark to it.
+_NAMES = ("libembree4.so.4", "embree4.dll", "libembree4.4.dylib", "libembree4.dylib")
+_PATTERNS = ("libembree4*.so*", "embree4*.dll", "libembree4*.dylib")
+_TRIANGLES, _INSTANCE = 0, 121  # RTC_GEOMETRY_TYPE_…
+_INDEX, _VERTEX = 0, 1  # RTC_BUFFER_TYPE_…
+_UINT3, _FLOAT3, _FLOAT3X4_COLUMNS = 0x5003, 0x9003, 0x9234  # RTC_FORMAT_…
+_ROBUST = 1 << 2  # RTC_SCENE_FLAG_ROBUST: no ray slips between two triangles that share an edge
+_COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
+_ALL_FEATURES = 0xFFFFFFFF
+_NONE = 0xFFFFFFFF  # RTC_INVALID_GEOMETRY_ID
+#: Rays in a packet, and numbers of each in a RTCRayHit16. Their last row exists in newer versions only.
+PACKET, _ROWS = 16, 21
+_ORIGIN, _NEAR, _DIRECTION, _TIME, _FAR, _MASK, _U, _V, _TRIANGLE, _SHAPE, _PLACE = 0, 3, 4, 7, 8, 9, 15, 16, 17, 18, 19
+#: Packets traced at a time: 44 MB.
+_MOST_PACKETS = 2**15
+
+
+class _Arguments(ctypes.Structure):
+    """RTCIntersectArguments and RTCOccludedArguments, which have the same fields."""
+
+    _fields_ = [("flags", c_uint), ("features", c_uint), ("context", c_void_p), ("filter", c_void_p),
+                ("other", c_void_p), ("width", c_float)]
+
+
+_CALLS = {
+    "rtcNewDevice": (c_void_p, [c_char_p]), "rtcReleaseDevice": (None, [c_void_p]),
+    "rtcGetDeviceError": (c_int, [c_void_p]),
+    "rtcNewScene": (c_void_p, [c_void_p]), "rtcReleaseScene": (None, [c_void_p]),
+    "rtcSetSceneFlags": (None, [c_void_p, c_int]), "rtcCommitScene": (None, [c_void_p]),
+    "rtcNewGeometry": (c_void_p, [c_void_p, c_int]), "rtcReleaseGeometry": (None, [c_void_p]),
+    "rtcCommitGeometry": (None, [c_void_p]), "rtcAttachGeometry": (c_uint, [c_void_p, c_void_p]),
+    "rtcSetSharedGeometryBuffer": (None, [c_void_p, c_int, c_uint, c_int, c_void_p, c_size_t, c_size_t, c_size_t]),
+    "rtcSetGeometryInstancedScene": (None, [c_void_p, c_void_p]),
+    "rtcSetGeometryTransform": (None, [c_void_p, c_uint, c_int, c_void_p]),
+    "rtcIntersect16": (None, [c_void_p, c_void_p, c_void_p, POINTER(_Arguments)]),
+    "rtcOccluded16": (None, [c_void_p, c_void_p, c_void_p, POINTER(_Arguments)]),
+}
+
+
+def _find_files(folders: Sequence[Path]) -> Iterator[str]:
+    """Where the library may be: in ``folders``, in embreex, and wherever the system finds it."""
+    spec = importlib.util.find_spec("embreex")
+    if spec is not None and spec.origin is not None:
+        package = Path(spec.origin).parent
+        folders = [*folders, package.with_name("embreex.libs"), package / ".dylibs", package]
+    for folder in folders:
+        for pattern in _PATTERNS:
+            yield from map(str, sorted(folder.glob(pattern)))
+    yield from _NAMES
+
+
+def load_library(folders: Sequence[Path] = ()) -> ctypes.CDLL | None:
+    """Embree, from one of ``folders``, else from the package embreex or the system; None if there is none."""
+    for file in _find_files(folders):
+        try:
+            library = ctypes.CDLL(file)
+            for name, (result, arguments) in _CALLS.items():
+                call = getattr(library, name)
+                call.restype, call.argtypes = result, arguments
+        except (OSError, AttributeError):  # none, or of another version
+            continue
+        return library
+    return None
+
+
+class EmbreeTracer:
+    """Traces rays through a world. Trees of shapes are built once; ``place`` again where only places have changed."""
+
+    name = "Embree"
+
+    def __init__(self, library: ctypes.CDLL, world: World) -> None:
+        """Raises MemoryError if Embree has not enough memory for the trees."""
+        self._library = library
+        self._kept: list[np.ndarray] = []
+        self._device = library.rtcNewDevice(None)
+        self._top: int | None = None
+        self._shapes = [self._build_shape(each.shape.vertices, each.shape.triangles) for each in world.placed]
+        self.place(world)
+
+    def _build_shape(self, vertices: np.ndarray, triangles: np.ndarray) -> int:
+        """A scene of the triangles of a shape."""
+        library = self._library
+        # Embree reads four bytes after the last vertex.
+        padded = np.empty((len(vertices) + 1, 3), np.float32)
+        padded[:-1], padded[-1] = vertices, 0.0
+        corners = np.ascontiguousarray(triangles, np.uint32)
+        self._kept += [padded, corners]
+        geometry = library.rtcNewGeometry(self._device, _TRIANGLES)
+        for kind, form, values, count in ((_VERTEX, _FLOAT3, padded, len(vertices)),
+                                          (_INDEX, _UINT3, corners, len(corners))):
+            library.rtcSetSharedGeometryBuffer(geometry, kind, 0, form, values.ctypes.data, 0, 12, count)
+        return self._commit([geometry])
+
+    def _commit(self, geometries: Sequence[int]) -> int:
+        """A scene of these geometries, with its tree."""
+        library = self._library
+        scene = library.rtcNewScene(self._device)
+        library.rtcSetSceneFlags(scene, _ROBUST)
+        for geometry in geometries:
+            library.rtcCommitGeometry(geometry)
+            library.rtcAttachGeometry(scene, geometry)
+            library.rtcReleaseGeometry(geometry)  # the scene keeps it
+        library.rtcCommitScene(scene)
+        if error := library.rtcGetDeviceError(self._device):
+            raise MemoryError(f"Embree's error {error}")
+        return scene
+
+    def place(self, world: World) -> None:
+        """Let the shapes stand where they do in another world with the same shapes."""
+        library, geometries = self._library, []
+        self._counts = np.concatenate([[0], np.cumsum([len(each.places) for each in world.placed])])
+        for scene, each in zip(self._shapes, world.placed, strict=True):
+            columns = np.ascontiguousarray(each.places[:, :3].swapaxes(1, 2), np.float32)
+            for matrix in columns:
+                geometry = library.rtcNewGeometry(self._device, _INSTANCE)
+                library.rtcSetGeometryInstancedScene(geometry, scene)
+                library.rtcSetGeometryTransform(geometry, 0, _FLOAT3X4_COLUMNS, matrix.ctypes.data)
+                geometries.append(geometry)
+        before, self._top = self._top, self._commit(geometries)
+        if before is not None:
+            library.rtcReleaseScene(before)
+
+    def close(self) -> None:
+        """Free the trees."""
+        if self._top is not None:
+            for scene in (self._top, *self._shapes):
+                self._library.rtcReleaseScene(scene)
+            self._library.rtcReleaseDevice(self._device)
+            self._top, self._kept = None, []
+
+    def intersect(self, origin: np.ndarray, direction: np.ndarray, near: float, far: float) -> Hits:
+        """What rays (n, 3) meet first from ``near`` to ``far`` times their direction. ``origin`` is (3,) or (n, 3).
+
+        It is fastest if sixteen rays in a row go about the same way. Distances are of single precision.
+        """
+        count = len(direction)
+        along, place, triangle = np.empty(count), np.empty(count, np.int32), np.empty(count, np.int32)
+        u, v = np.empty(count, np.float32), np.empty(count, np.float32)
+        for part, packets in self._packets(origin, direction, near, np.array(far, np.float32)):
+            self._trace(self._library.rtcIntersect16, packets)
+            own = packets.view(np.uint32)
+            met = _flat(own[:, _SHAPE], part) != _NONE
+            place[part] = np.where(met, _flat(own[:, _PLACE], part), np.uint32(_NONE)).view(np.int32)
+            triangle[part] = _flat(own[:, _TRIANGLE], part).view(np.int32)
+            along[part] = np.where(met, _flat(packets[:, _FAR], part), np.inf)
+            u[part], v[part] = _flat(packets[:, _U], part), _flat(packets[:, _V], part)
+        return Hits(along, place, triangle, u, v)
+
+    def is_blocked(self, origin: np.ndarray, direction: np.ndarray, near: float, far: np.ndarray) -> np.ndarray:
+        """Whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction; a ray that ends
+        before it begins meets nothing."""
+        blocked = np.empty(len(direction), bool)
+        for part, packets in self._packets(origin, direction, near, np.asarray(far, np.float32)):
+            self._trace(self._library.rtcOccluded16, packets)
+            blocked[part] = np.isneginf(_flat(packets[:, _FAR], part))
+        return blocked
+
+    def _packets(self, origin: np.ndarray, direction: np.ndarray, near: float,
+                 far: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
+        """Records (k, _ROWS, PACKET) of rays, and which of the rays they are."""
+        count = len(direction)
+        for first in range(0, count, _MOST_PACKETS * PACKET):
+            part = slice(first, min(count, first + _MOST_PACKETS * PACKET))
+            number = part.stop - part.start
+            rows = np.zeros((_ROWS, -(-number // PACKET) * PACKET), np.float32)
+            rows[_ORIGIN:_ORIGIN + 3, :number] = (origin if origin.ndim == 1 else origin[part]).T.reshape(3, -1)
+            rows[_DIRECTION:_DIRECTION + 3, :number] = direction[part].T
+            rows[_NEAR], rows[_FAR] = near, -1.0  # what fills up the last packet ends before it begins
+            rows[_FAR, :number] = far if far.ndim == 0 else far[part]
+            whole = rows.view(np.uint32)
+            whole[_MASK], whole[_SHAPE:] = _NONE, _NONE
+            yield part, _aligned(rows)
+
+    def _trace(self, call: ctypes._NamedFuncPointer, packets: np.ndarray) -> None:
+        """Let Embree fill in the records."""
+        arguments = ctypes.byref(_Arguments(_COHERENT, _ALL_FEATURES))
+        all_valid = _aligned(np.full((1, PACKET), -1, np.int32).view(np.float32)[None]).ctypes.data
+        first, step = packets.ctypes.data, packets.strides[0]
+        for number in range(len(packets)):
+            call(all_valid, self._top, first + number * step, arguments)
+
+
+def _aligned(rows: np.ndarray) -> np.ndarray:
+    """Rows (r, 16 k) of rays as records (k, r, 16) at a multiple of 64 bytes; records stay as they are."""
+    records = rows if rows.ndim == 3 else rows.reshape(len(rows), -1, PACKET).swapaxes(0, 1)
+    memory = np.empty(records.size + PACKET, np.float32)
+    skip = -memory.ctypes.data % 64 // 4
+    made = memory[skip:skip + records.size].reshape(records.shape)
+    made[:] = records
+    return made
+
+
+def _flat(values: np.ndarray, part: slice) -> np.ndarray:
+    """Values (k, 16) of the rays of a part, in a row."""
+    return values.reshape(-1)[:part.stop - part.start]

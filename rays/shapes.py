@@ -1,0 +1,132 @@
+"""What rays are traced against: shapes of triangles, and the places where they stand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Triangles in the coordinates of an object, in metres.
+
+    ``vertices`` (n, 3) float32 and ``triangles`` (m, 3) uint32. ``smooth`` (m,) triangles are shaded with normals
+    between those of their vertices. ``label`` (m,) uint8 says what a triangle is of. ``passing`` (n,) float32 is the
+    share of light that goes through at a vertex; None where nothing does.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    smooth: np.ndarray
+    label: np.ndarray
+    passing: np.ndarray | None = None
+
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Normals (n, 3) float64 of the vertices: of the sum of those of their triangles, as Cycles makes them where it
+        has moved vertices."""
+        corners = self.vertices[self.triangles].astype(np.float64)
+        own = normalize(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+        each, count = self.triangles.ravel(), len(self.vertices)
+        return normalize(np.stack([np.bincount(each, np.repeat(own[:, axis], 3), count) for axis in range(3)], axis=1))
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A shape and where it stands: matrices (k, 4, 4), float64, from its coordinates to those of the world, and the
+    number (k,), int64, that labels what rays meet at each place."""
+
+    shape: Shape
+    places: np.ndarray
+    numbers: np.ndarray
+
+
+@dataclass(frozen=True)
+class World:
+    """All that rays may meet."""
+
+    placed: Sequence[Placed]
+    #: Of each place of all shapes, one shape after the other: its shape, matrix (4, 4), and number.
+    of: np.ndarray = field(init=False)
+    places: np.ndarray = field(init=False)
+    numbers: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        counts = [len(each.places) for each in self.placed]
+        object.__setattr__(self, "of", np.repeat(np.arange(len(counts)), counts))
+        object.__setattr__(self, "places", np.concatenate([each.places for each in self.placed] or
+                                                          [np.zeros((0, 4, 4))]))
+        object.__setattr__(self, "numbers", np.concatenate([each.numbers for each in self.placed] or
+                                                           [np.zeros(0, np.int64)]))
+
+    def move_points(self, number: int, place: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Points (n, 3) of a shape, by its number, in the world, each as at its ``place`` (n,)."""
+        if len(self.placed[number].places) == 1:
+            own = self.placed[number].places[0]
+            return np.asarray(points @ own[:3, :3].T + own[:3, 3])
+        own = self.places[place]
+        return np.asarray(np.einsum("nij,nj->ni", own[:, :3, :3], points) + own[:, :3, 3])
+
+    def turn_normals(self, number: int, place: np.ndarray, normals: np.ndarray) -> np.ndarray:
+        """Normals (n, 3) of a shape, by its number, in the world, of any length, each as at its ``place`` (n,).
+
+        They turn by the cofactors of the matrix, which are its inverse transposed times its determinant. A cross
+        product of two sides so stays the one of the turned sides.
+        """
+        if len(self.placed[number].places) == 1:
+            return np.asarray(normals @ self._cofactors[self._first(number)].T)
+        return np.asarray(np.einsum("nij,nj->ni", self._cofactors[place], normals))
+
+    def _first(self, number: int) -> int:
+        """The first place of a shape."""
+        return int(np.searchsorted(self.of, number))
+
+    @cached_property
+    def _cofactors(self) -> np.ndarray:
+        rows = self.places[:, :3, :3]
+        return np.cross(rows[:, [1, 2, 0]], rows[:, [2, 0, 1]])
+
+    @property
+    def triangle_count(self) -> int:
+        """Triangles in the world, those of a shape in each of its places."""
+        return sum(len(each.shape.triangles) * len(each.places) for each in self.placed)
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What each of n rays meets first.
+
+    ``place`` (n,) counts the places of a ``World``, -1 for a ray that meets nothing; ``triangle`` (n,) counts those of
+    the shape there. The point is (1 - u - v) A + u B + v C of the triangle's corners, with ``u`` and ``v`` (n,).
+    ``along`` (n,), float64, is how many times its direction a ray goes.
+    """
+
+    along: np.ndarray
+    place: np.ndarray
+    triangle: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+
+    @property
+    def met(self) -> np.ndarray:
+        """Whether (n,) a ray meets anything."""
+        return np.asarray(self.place >= 0)
+
+
+def cross(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Cross products (n, 3); numpy's own takes three times as long."""
+    (a, b, c), (d, e, f) = one.T, other.T
+    return np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=1)
+
+
+def dot(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Dot products (n,) of vectors (n, 3)."""
+    return np.asarray(np.einsum("ij,ij->i", one, other))
+
+
+def normalize(vectors: np.ndarray) -> np.ndarray:
+    """Unit vectors (n, 3); 0 stays 0."""
+    return np.asarray(vectors / np.maximum(np.sqrt(dot(vectors, vectors)), np.finfo(float).tiny)[:, None])

@@ -1,0 +1,136 @@
+"""The truth of a stereo pair at the centres of pixels: depth, normals, labels, and what the other eye does not see."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from .shapes import World
+from .surface import Surface, Tracer, find_surface, intersect_opaque
+
+#: Disparity, px, by which an occluder must be nearer than the point that it hides. ``docs/theory/metrics.md`` has why.
+NEARER_PX = 0.25
+#: Pixels along a side of a square whose rays are traced in a row, since they meet about the same.
+_TILE = 4
+#: Pixels at a time: 500 MB for all that is known of them.
+_MOST_PIXELS = 2**19
+
+
+@dataclass(frozen=True)
+class Eye:
+    """A pinhole camera. ``axes`` (3, 3) has its axes right, down and ahead as columns, in the world; ``position`` (3,)
+    is in metres. The principal point is in pixel-corner coordinates."""
+
+    columns: int
+    rows: int
+    focal_px: float
+    cx_px: float
+    cy_px: float
+    axes: np.ndarray
+    position: np.ndarray
+
+    def directions(self, pixels: np.ndarray) -> np.ndarray:
+        """Rays (n, 3) in the world through the centres of pixels (n,), counted along rows; one unit long ahead."""
+        row, column = np.divmod(pixels, self.columns)
+        own = np.stack([(column + 0.5 - self.cx_px) / self.focal_px, (row + 0.5 - self.cy_px) / self.focal_px,
+                        np.ones(len(pixels))], axis=1)
+        return np.asarray(own @ self.axes.T)
+
+    def is_seen(self, points: np.ndarray) -> np.ndarray:
+        """Whether (n,) points (n, 3) of the world are in the image's frame."""
+        x, y, ahead = ((points - self.position) @ self.axes).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            column, row = self.cx_px + self.focal_px * x / ahead, self.cy_px + self.focal_px * y / ahead
+            return np.asarray((ahead > 0) & (column >= 0) & (column <= self.columns)
+                              & (row >= -_ROW_SLACK) & (row <= self.rows + _ROW_SLACK))
+
+
+#: A point in the first or last row of an eye is in that row of the other, but for rounding.
+_ROW_SLACK = 1e-6
+
+
+@dataclass(frozen=True)
+class EyeTruth:
+    """What an eye sees, arrays (rows, columns): ``depth_m`` along its axis, float32, infinite for the sky; the
+    ``normal`` (…, 3) float32 of the facet; ``label`` uint8 and ``number`` int64, see ``rays.shapes``; and whether the
+    point is ``hidden`` from the other eye although it is in that one's frame."""
+
+    depth_m: np.ndarray
+    normal: np.ndarray
+    label: np.ndarray
+    number: np.ndarray
+    hidden: np.ndarray
+
+
+@dataclass(frozen=True)
+class Stage:
+    """The ground with what stands on it, and the far sky, which hides nothing; each with its tracer."""
+
+    ground: World
+    ground_tracer: Tracer
+    sky: World
+    sky_tracer: Tracer
+
+
+def trace_eyes(stage: Stage, eyes: Mapping[str, Eye], baseline_m: float, near_m: float,
+               far_m: float) -> dict[str, EyeTruth]:
+    """The truth of two eyes that are ``baseline_m`` apart, by their names. What is nearer than ``near_m`` or further
+    away than ``far_m`` is not seen."""
+    left, right = eyes
+    return {eye: _trace_eye(stage, eyes[eye], eyes[other], baseline_m, near_m, far_m)
+            for eye, other in ((left, right), (right, left))}
+
+
+def _trace_eye(stage: Stage, eye: Eye, other: Eye, baseline_m: float, near_m: float, far_m: float) -> EyeTruth:
+    shape = eye.rows, eye.columns
+    truth = EyeTruth(np.empty(shape, np.float32), np.empty((*shape, 3), np.float32), np.empty(shape, np.uint8),
+                     np.empty(shape, np.int64), np.empty(shape, bool))
+    for pixels in _tiles(eye.rows, eye.columns):
+        direction = eye.directions(pixels)
+        seen = _see(stage, eye.position, direction, near_m, far_m)
+        hidden = _find_hidden(stage.ground_tracer, eye, other, direction, seen.along, baseline_m, near_m)
+        for values, target in ((seen.along, truth.depth_m), (seen.label, truth.label), (seen.number, truth.number),
+                               (hidden, truth.hidden)):
+            target.reshape(-1)[pixels] = values
+        truth.normal.reshape(-1, 3)[pixels] = seen.normal
+    return truth
+
+
+def _tiles(rows: int, columns: int) -> Iterator[np.ndarray]:
+    """Pixels, counted along rows, square by square, in parts; some of them twice at the borders."""
+    step = max(_TILE, _MOST_PIXELS // max(1, columns) // _TILE * _TILE)
+    for first in range(0, rows, step):
+        part = np.arange(first * columns, min(rows, first + step) * columns).reshape(-1, columns)
+        part = np.pad(part, [(0, -part.shape[0] % _TILE), (0, -columns % _TILE)], mode="edge")
+        yield part.reshape(part.shape[0] // _TILE, _TILE, -1, _TILE).swapaxes(1, 2).reshape(-1)
+
+
+def _see(stage: Stage, origin: np.ndarray, direction: np.ndarray, near_m: float, far_m: float) -> Surface:
+    """What rays meet first: the ground, else the sky."""
+    seen = find_surface(stage.ground, stage.ground_tracer.intersect(origin, direction, near_m, far_m), origin,
+                        direction)
+    if not stage.sky.placed:
+        return seen
+    free = np.flatnonzero(np.isinf(seen.along))
+    if len(free):
+        ahead = direction[free]
+        beyond = find_surface(stage.sky, intersect_opaque(stage.sky_tracer, stage.sky, origin, ahead, near_m, far_m),
+                              origin, ahead)
+        for name in ("along", "normal", "label", "number"):
+            getattr(seen, name)[free] = getattr(beyond, name)
+    return seen
+
+
+def _find_hidden(tracer: Tracer, eye: Eye, other: Eye, direction: np.ndarray, depth_m: np.ndarray, baseline_m: float,
+                 near_m: float) -> np.ndarray:
+    """Whether (n,) the other eye sees something nearer in front of a point, by at least ``NEARER_PX`` of disparity."""
+    hidden = np.zeros(len(depth_m), bool)
+    points = eye.position + direction * np.where(np.isinf(depth_m), 0.0, depth_m)[:, None]
+    asked = np.flatnonzero(np.isfinite(depth_m) & other.is_seen(points))
+    away = points[asked] - other.position
+    ahead = away @ other.axes[:, 2]
+    end = 1.0 / (1.0 / ahead + NEARER_PX / (eye.focal_px * baseline_m))
+    hidden[asked] = tracer.is_blocked(other.position, away / ahead[:, None], near_m, end)
+    return hidden

@@ -1,0 +1,144 @@
+"""What is where rays meet the world, in double precision."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from .shapes import Hits, World, cross, dot, normalize
+
+#: From a surface that a ray passes to where it goes on, relative to the distance.
+_BEYOND = 1e-6
+#: Surfaces that a ray passes before it is taken to end at nothing.
+_MOST_PASSED = 64
+#: Share of the light above which a ray passes, as with Cycles' own alpha threshold of the pass of depth.
+_PASSES = 0.5
+#: How far the plane of a triangle may be from where single precision met it, relative to the distance. Further away the
+#: ray grazes it.
+_GRAZING = 1e-4
+
+
+class Tracer(Protocol):
+    """Finds what rays meet."""
+
+    name: str
+
+    def intersect(self, origin: np.ndarray, direction: np.ndarray, near: float, far: float) -> Hits:
+        """What rays (n, 3) from ``origin``, (3,) or (n, 3), meet first from ``near`` to ``far`` times their direction.
+        """
+
+    def is_blocked(self, origin: np.ndarray, direction: np.ndarray, near: float, far: np.ndarray) -> np.ndarray:
+        """Whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction."""
+
+    def place(self, world: World) -> None:
+        """Let the shapes stand where they do in another world with the same shapes."""
+
+    def close(self) -> None:
+        """Free what it holds."""
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Where n rays meet the world.
+
+    ``along`` (n,), float64, is how many times its direction a ray goes, infinite where it meets nothing. ``normal``
+    (n, 3), float64, is that of the triangle, on the side that the ray comes from; ``label`` (n,) uint8 and ``number``
+    (n,) int64 are of the triangle and the place. All are 0 where there is nothing.
+    """
+
+    along: np.ndarray
+    normal: np.ndarray
+    label: np.ndarray
+    number: np.ndarray
+
+
+def find_surface(world: World, hits: Hits, origin: np.ndarray, direction: np.ndarray) -> Surface:
+    """The surfaces that rays (n, 3) from ``origin`` (3,) have met.
+
+    Distances are found again from the planes of the triangles, to double precision; Embree's are good to 2.4e-7.
+    """
+    count = len(direction)
+    found = Surface(np.full(count, np.inf), np.zeros((count, 3)), np.zeros(count, np.uint8), np.zeros(count, np.int64))
+    for number, rays in _by_shape(world, hits):
+        shape, place, triangle = world.placed[number].shape, hits.place[rays], hits.triangle[rays]
+        corners = shape.triangles[triangle]
+        first, second, third = (shape.vertices[corners[:, k]].astype(np.float64) for k in range(3))
+        normal = world.turn_normals(number, place, cross(second - first, third - first))
+        toward = dot(normal, direction[rays])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            exact = dot(normal, world.move_points(number, place, first) - origin) / toward
+            near = np.abs(exact - hits.along[rays]) <= _GRAZING * hits.along[rays]
+        found.along[rays] = np.where(near, exact, hits.along[rays])
+        found.normal[rays] = normalize(normal) * np.where(toward > 0, -1.0, 1.0)[:, None]
+        found.label[rays], found.number[rays] = shape.label[triangle], world.numbers[place]
+    return found
+
+
+def find_shading_normals(world: World, hits: Hits, surface: Surface) -> np.ndarray:
+    """The normals (n, 3) that the surface is shaded with where rays have met it, on the side of ``surface.normal``.
+
+    Bump of a material is not in them.
+    """
+    found = surface.normal.copy()
+    for number, rays in _by_shape(world, hits):
+        shape = world.placed[number].shape
+        rays = rays[shape.smooth[hits.triangle[rays]]]
+        corners = shape.triangles[hits.triangle[rays]]
+        sides = [world.turn_normals(number, hits.place[rays], each) for each in (
+            _interpolate(shape.normals, corners, hits, rays),
+            cross(*(shape.vertices[corners[:, k]].astype(np.float64) - shape.vertices[corners[:, 0]]
+                    for k in (1, 2))))]
+        found[rays] = normalize(sides[0]) * np.where(dot(sides[1], surface.normal[rays]) < 0, -1.0, 1.0)[:, None]
+    return found
+
+
+def _interpolate(values: np.ndarray, corners: np.ndarray, hits: Hits, rays: np.ndarray) -> np.ndarray:
+    """Values (k, …) where rays meet triangles, between those of the corners (k, 3)."""
+    u, v = (each[rays].reshape(-1, *[1] * (values.ndim - 1)) for each in (hits.u, hits.v))
+    return np.asarray((1 - u - v) * values[corners[:, 0]] + u * values[corners[:, 1]] + v * values[corners[:, 2]])
+
+
+def _by_shape(world: World, hits: Hits) -> Iterator[tuple[int, np.ndarray]]:
+    """The number of each shape that is met, and the rays that meet it."""
+    rays = np.flatnonzero(hits.met)
+    if not len(rays):
+        return
+    of = world.of[hits.place[rays]]
+    order = np.argsort(of, kind="stable")
+    starts = np.flatnonzero(np.diff(of[order], prepend=-1))
+    yield from zip(of[order[starts]].tolist(), np.split(rays[order], starts[1:]), strict=True)
+
+
+def intersect_opaque(tracer: Tracer, world: World, origin: np.ndarray, direction: np.ndarray, near: float,
+                     far: float) -> Hits:
+    """What rays (n, 3) meet first that lets at most half of the light pass; see ``Tracer.intersect``."""
+    hits = tracer.intersect(origin, direction, near, far)
+    if all(each.shape.passing is None for each in world.placed):
+        return hits
+    going = np.flatnonzero(_passes(world, hits))
+    for _ in range(_MOST_PASSED):
+        if not len(going):
+            break
+        start = origin + direction[going] * (hits.along[going, None] * (1 + _BEYOND))
+        beyond = tracer.intersect(start, direction[going], 0.0, far)
+        passed = hits.along[going] * (1 + _BEYOND)
+        for name in ("place", "triangle", "u", "v"):
+            getattr(hits, name)[going] = getattr(beyond, name)
+        hits.along[going] = beyond.along + passed
+        going = going[_passes(world, beyond)]
+    hits.place[going] = -1
+    return hits
+
+
+def _passes(world: World, hits: Hits) -> np.ndarray:
+    """Whether (n,) rays meet something that lets them pass."""
+    found = np.zeros(len(hits.place), bool)
+    for number, rays in _by_shape(world, hits):
+        shape = world.placed[number].shape
+        if shape.passing is not None:
+            corners = shape.triangles[hits.triangle[rays]]
+            found[rays] = _interpolate(shape.passing, corners, hits, rays) >= _PASSES
+    return found
