@@ -51,6 +51,12 @@ def is_module() -> bool:
     return bool(getattr(bpy.app, "module", not bpy.app.binary_path))
 
 
+def library_folders() -> tuple[Path, ...]:
+    """Folders in which this Blender may have the libraries that it comes with."""
+    installed = Path(bpy.utils.resource_path("LOCAL")).parent
+    return tuple(installed / name for name in ("lib", "blender.shared"))
+
+
 def ensure_nodes(data_block: Any) -> Any:
     """The node tree of a new material or world, made here if this Blender does not make it."""
     if data_block.node_tree is None:

@@ -4,8 +4,10 @@
 
 From the left eye's true depth a ray goes from the right eye to the point of each pixel, through Blender's own
 bounding-volume hierarchy and not through Cycles: a point is hidden if that ray meets something whose disparity is
-larger by 0.01 px. "> 1 px" are points whose occluder is nearer by more than 1 px. Both eyes are compared. Cost is the
-processor time of the rays as a ratio to that of all else that a pair takes.
+larger by 0.01 px. "> 0.25 px" and "> 1 px" are points whose occluder is nearer by more than that. Both eyes are
+compared. The first row is of pairs as they are rendered by default, with a ray to the point of each pixel; the others
+are found between Cycles' rays. Cost is the processor time of these as a ratio to that of all else that a pair takes.
+Fine relief is bump, since Blender's tree does not know where Cycles moves vertices.
 """
 
 from __future__ import annotations
@@ -33,7 +35,8 @@ from icymoon.render.pairs.pair_folder import EYES, Pair, find_pairs
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
-from icymoon.stereo.images.exr import read_depth
+from icymoon.stereo.images.exr import read_depth, read_truth
+from icymoon.typed_settings import typed
 from other_rays import cast_from_other_eye, tree_of_scene
 
 TOLERANCES_PX = (0.1, 0.25, 0.5)
@@ -59,29 +62,35 @@ def main(arguments: list[str]) -> None:
     settings = description.merged(
         description.defaults(), preset_files.load_preset(preset), preset_files.load_preset(f"qualities/{quality}"),
         *map(preset_files.load_preset, arguments[3:]),
-        {"rig": {"width_px": int(width), "height_px": int(width) * 3 // 4}, "quality": {"threads": 1}})
+        {"rig": {"width_px": int(width), "height_px": int(width) * 3 // 4}, "surface": {"relief": "BUMP"},
+         "quality": {"threads": 1, "truth_by": "CYCLES"}})
     built = build(bpy.context.scene, settings)
+    by_rays = _find_by_rays(built, settings)
     pair, own, between, cost = _render(built, settings)
     rays = {number: {eye: np.stack([own[eye], *between[eye]][::4 // number], axis=-1)
                      .reshape(len(own[eye]), -1) for eye in EYES} for number in (1, 2, 4)}
     tree = tree_of_scene(pair)
     met = {eye: cast_from_other_eye(tree, pair, eye, own[eye]) for eye in EYES}
     truth: Masks = {}
+    quarter: Masks = {}
     far: Masks = {}
     for eye in EYES:
         inside = is_in_frame(matching_column(own[eye], eye))
         with np.errstate(invalid="ignore"):
             truth[eye] = inside & (met[eye] > own[eye] + _NEARER_PX)
+            quarter[eye] = inside & (met[eye] > own[eye] + 0.25)
             far[eye] = inside & (met[eye] > own[eye] + 1.0)
     print(f"{' '.join((preset, *arguments[3:]))}, {quality}, {width} px: hidden {_percent(truth, None):.3f} %, "
           f"by more than 1 px {_percent(far, None):.3f} %")
-    print(f"{'rays a pixel':14}{'nearer by':>10}{'found':>9}{'> 1 px':>9}{'false':>9}{'CPU':>7}")
+    print(f"{'rays a pixel':14}{'nearer by':>10}{'found':>9}{'> 0.25 px':>11}{'> 1 px':>9}{'false':>9}{'CPU':>7}")
 
     def line(name: str, tolerance: str, masks: Masks, cost: float | None = None) -> None:
         wrong = {eye: masks[eye] & ~truth[eye] for eye in EYES}
-        print(f"{name:14}{tolerance:>10}{_percent(masks, truth):9.2f}{_percent(masks, far):9.2f}"
+        print(f"{name:14}{tolerance:>10}{_percent(masks, truth):9.2f}{_percent(masks, quarter):11.2f}"
+              f"{_percent(masks, far):9.2f}"
               f"{_percent(wrong, None):9.4f}{'' if cost is None else f'{cost:7.3f}'}", flush=True)
 
+    line("to each point", "0.25", by_rays)
     line("both columns", "0.5", {eye: both_columns(own[eye], own[other], eye) for eye, other in _OTHERS.items()})
     for number, tolerance in product(rays, TOLERANCES_PX):
         columns._NEARER_PX = tolerance
@@ -94,6 +103,15 @@ def _percent(masks: Masks, of: Masks | None) -> float:
     """Of the pixels of both eyes, or of those in ``of``, the share in ``masks``, %."""
     among = {eye: np.ones_like(mask) for eye, mask in masks.items()} if of is None else of
     return float(100 * sum((masks[eye] & among[eye]).sum() for eye in EYES) / sum(among[eye].sum() for eye in EYES))
+
+
+def _find_by_rays(built: Built, settings: Any) -> Masks:
+    """The hidden pixels of a pair whose truth is found by rays."""
+    made = description.merged(settings, {"quality": {"truth_by": "RAYS"}})
+    with tempfile.TemporaryDirectory() as folder:
+        render_pairs(built, expand_headings(typed(made)), Path(folder), 1, 0.0, lambda *a, **k: None)
+        pair = find_pairs(Path(folder))[0]
+        return {eye: read_truth(pair.truth(eye), eye).hidden for eye in EYES}
 
 
 def _render(built: Built, settings: Any) -> tuple[Pair, Masks, dict[str, list[np.ndarray]], float]:

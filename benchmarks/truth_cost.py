@@ -1,10 +1,11 @@
-"""What the truth of a pair costs with lamps and surfaces, without lamps, and without both where only depth is wanted.
+"""What the truth of a pair costs by rays, and by Cycles with lamps and surfaces, without lamps, and without both where
+only depth is wanted.
 
     python benchmarks/truth_cost.py [--scale 0.5] [--pairs 3] [SCENE ...]
 
 Each row is a process that renders as many pairs of a scene preset, or of the ``paper``'s snow (``guiss_cost.py``), with
-one sample of radiance and the whole truth. In the last row ``unlit.MOST_TRIANGLES_A_PIXEL`` does not count. Needs
-Blender as a module.
+one sample of radiance. The first has depth alone, which comes with the radiance; the others have the whole truth. In
+the last row ``unlit.MOST_TRIANGLES_A_PIXEL`` does not count. Needs Blender as a module.
 """
 
 from __future__ import annotations
@@ -18,7 +19,9 @@ import tempfile
 from contextlib import nullcontext
 from pathlib import Path
 
-WAYS = ("as it is lit", "lamps off", "depth without surfaces, too")
+WAYS = ("depth alone", "by rays", "by Cycles, as it is lit", "lamps off", "depth without surfaces, too")
+#: Where the ways of Cycles begin, each of which leaves out more.
+_CYCLES = 2
 
 
 def render(scene: str, way: int, options: argparse.Namespace) -> None:
@@ -34,13 +37,14 @@ def render(scene: str, way: int, options: argparse.Namespace) -> None:
     from icymoon.typed_settings import typed
 
     icymoon.register()
-    for name in ("take_surfaces_off", "switch_lights_off")[:len(WAYS) - 1 - way]:
+    for name in ("take_surfaces_off", "switch_lights_off")[:max(0, len(WAYS) - 1 - max(way, _CYCLES))]:
         setattr(unlit, name, lambda what: nullcontext())
     unlit.MOST_TRIANGLES_A_PIXEL = 10**9
     made = (guiss_cost.snow(options.scale) if scene == "paper" else scaled_view(description.merged(
         description.defaults(), preset_files.load_preset(f"scenes/{scene}")), options.scale))
     settings = typed(description.merged(made, description.check({
-        "quality": {"samples": 1, "denoiser": "NONE", "truth": "FULL", "noise_threshold": 0.0},
+        "quality": {"samples": 1, "denoiser": "NONE", "truth": "FULL" if way else "DEPTH", "noise_threshold": 0.0,
+                    "truth_by": "CYCLES" if way >= _CYCLES else "RAYS"},
         "surface": {"subsurface_weight": 0.0}, "dataset": {"headings": options.pairs}}, "benchmark")))
     pairs = expand_headings(settings)
     with tempfile.TemporaryDirectory() as place, ScenesFromSettings(lambda warning: None) as stage:

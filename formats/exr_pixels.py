@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,8 @@ from ..support.foreign_bytes import inflate
 from .exr_layout import read_channels
 from .exr_parts import Piece, encode_attribute, read_pieces
 
-_LINES = {0: 1, 2: 1, 3: 16}  # in a chunk, by compression
+_ZIP = 3
+_LINES = {0: 1, 2: 1, _ZIP: 16}  # in a chunk, by compression
 _HALF, _FLOAT = 1, 2
 _TYPES = {_HALF: "<f2", _FLOAT: "<f4"}
 #: Root mean square of what rounding to 16 bits changes, relative to the values, where none is too small for them.
@@ -98,6 +99,24 @@ class Pixels:
             data = _pack(raw) if self._compression else raw
             chunks.append(struct.pack("<2i", line, len(data)) + data)
         return chunks
+
+
+def encode_part(name: str, channels: Mapping[str, np.ndarray]) -> Piece:
+    """A part, a pass by its ``name``, of 32-bit floats (H, W) by the names of their components."""
+    height, width = next(iter(channels.values())).shape
+    window = struct.pack("<4i", 0, 0, width - 1, height - 1)
+    components = sorted(channels)
+    listed = b"".join(f"{name}.{each}".encode() + _ENTRY for each in components) + b"\0"
+    stated = {"channels": ("chlist", listed), "compression": ("compression", bytes([_ZIP])),
+              "dataWindow": ("box2i", window), "displayWindow": ("box2i", window), "lineOrder": ("lineOrder", b"\0"),
+              "name": ("string", name.encode()), "pixelAspectRatio": ("float", struct.pack("<f", 1.0)),
+              "screenWindowCenter": ("v2f", bytes(8)), "screenWindowWidth": ("float", struct.pack("<f", 1.0)),
+              "type": ("string", b"scanlineimage"),
+              "chunkCount": ("int", struct.pack("<i", -(-height // _LINES[_ZIP])))}
+    attributes = {key.encode(): encode_attribute(key, kind, value) for key, (kind, value) in stated.items()}
+    starts = [struct.pack("<2i", line, 0) for line in range(0, height, _LINES[_ZIP])]
+    values = np.stack([np.asarray(channels[each], np.float32) for each in components], axis=1)
+    return Pixels(Piece(attributes, starts)).encode(values)
 
 
 def _type_of(stated: bytes) -> int:

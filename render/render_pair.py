@@ -31,6 +31,7 @@ from ..number_text import count_of
 from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, blur_of
 from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
+from ..rays.stereo_truth import Stage
 from ..support.foreign_bytes import OverBudgetError
 from ..typed_settings import Settings
 from . import cycles_settings, hidden_pixels, passes, separate_lights, unlit
@@ -43,11 +44,13 @@ from .object_labels import lend_labels
 from .pair_record import light_json, pair_json
 from .pairs.baked_file import LIGHT
 from .pairs.our_files import check_no_link
-from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera
+from .pairs.pair_folder import EYES, TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera
 from .pairs.publish import check_place, discard, publish
 from .pairs.workspace_cells import WORKSPACE_FILE, workspace_extent
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
+from .ray_stage import CannotTrace, RaysOfScene
+from .ray_truth import trace_truth
 from .render_camera import add_render_camera, set_up_camera, shift_frame
 from .workers.claims import CLAIMS_FOLDER
 
@@ -114,11 +117,12 @@ def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) ->
 
 def render_pair(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: Path, seconds_build: float,
                 report: Callable[[float], None], lost: Callable[[], bool], again: bool = False,
-                indirect: Indirect = _TRACED) -> Path:
+                indirect: Indirect = _TRACED, rays: RaysOfScene | None = None) -> Path:
     """Render one pair of the scene that ``open_render_scene`` made and return its folder.
 
-    ``indirect`` is what ``baked_light.provide`` returned. ``report`` receives the fraction done; for ``lost`` and
-    ``again`` see ``publish``. Raises IcyMoonError when the render or the disk fails; nothing half-written stays.
+    ``rays`` find the truth; without them it is rendered. ``indirect`` is what ``baked_light.provide`` returned.
+    ``report`` receives the fraction done; for ``lost`` and ``again`` see ``publish``. Raises IcyMoonError when the
+    render or the disk fails; nothing half-written stays.
     """
     folder = planned.folder(dataset)
     check_place(folder)
@@ -127,9 +131,10 @@ def render_pair(built: Built, scene: bpy.types.Scene, planned: PlannedPair, data
     with explain_disk_errors("write", folder):
         part.mkdir(parents=True)
     try:
-        found = _render_into(part, built, scene, planned, report, indirect)
+        found = _render_into(part, built, scene, planned, report, indirect, rays)
         if why := indirect.why_unfit(found.get("indirect"), planned.settings.quality.bake_noise):
-            found = _render_into(part, built, scene, planned, report, Indirect(why_traced=why, tried=indirect.lights))
+            traced = Indirect(why_traced=why, tried=indirect.lights)
+            found = _render_into(part, built, scene, planned, report, traced, rays)
         found["seconds"]["build"] = round(seconds_build, 3)
         # Of all threads; "before" is what this process had spent: its start, the build, other pairs and their bakes.
         found["cpu_seconds"] = {"before": round(spent - indirect.spent_s, 3),
@@ -185,7 +190,7 @@ def _camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> list[
 
 
 def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: PlannedPair,
-                 report: Callable[[float], None], indirect: Indirect) -> dict[str, Any]:
+                 report: Callable[[float], None], indirect: Indirect, rays: RaysOfScene | None) -> dict[str, Any]:
     settings = planned.settings
     camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
     takes = _camera_setups(camera, blur, _is_full(planned))
@@ -198,25 +203,32 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
         if indirect.lights:
             scene.cycles.max_bounces = 0
         prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
+        poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
+        stage, engine = _choose_engine(rays, settings, takes)
         lights = separate_lights.light_passes(scene, built)
         # What moves during a render is not kept from one to the next, nor are surfaces that change between them.
         scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system
                                             and _triangle_count(built) <= MOST_KEPT_TRIANGLES)
-        truths = (sum(layer == TRUTH for take in takes for layer, _ in take.images)
-                  + (len(hidden_pixels.STEPS_PX) if _is_full(planned) else 0))
+        truths = 0 if stage else (sum(layer == TRUTH for take in takes for layer, _ in take.images)
+                                  + (len(hidden_pixels.STEPS_PX) if _is_full(planned) else 0))
         with watch_samples(len(lights) * int(quality.samples), truths, report) as sampling:
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
                     scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None
                     for layer, name in take.images:
                         stem = part / f"{layer}{k}"
-                        made = (_render_truth(scene, built, stem, planned, camera, take.toed) if layer == TRUTH else
-                                _render_radiance(scene, built, lights, stem, planned))
+                        if layer == BEAUTY:
+                            made = _render_radiance(scene, built, lights, stem, planned)
+                        elif stage is not None:
+                            made = {eye: stem.with_name(f"{stem.name}-{eye}.exr") for eye in EYES}
+                            trace_truth(stage, made, camera, poses, scene.camera.data, take.toed,
+                                        settings.quality.truth)
+                        else:
+                            made = _render_truth(scene, built, stem, planned, camera, take.toed)
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
                             if layer == BEAUTY and indirect.lights:
                                 shares[eye] = _add_baked_light(file, planned)
-        poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         light = light_json(built, settings.light.directions_from)
         if settings.workspace.cell_m > 0:
             _write_workspace(part / WORKSPACE_FILE, built, scene, settings)
@@ -229,7 +241,22 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     return {**pair_json(built, planned, poses, light, written, {
         "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
         "write": round(time.perf_counter() - start, 3)}, quality.denoiser, indirect.to_json(shares)),
-        **lander_json(built, settings, poses, part)}
+        **({"truth": engine} if engine else {}), **lander_json(built, settings, poses, part)}
+
+
+def _choose_engine(rays: RaysOfScene | None, settings: Settings,
+                   takes: list[_CameraSetup]) -> tuple[Stage | None, dict[str, str]]:
+    """What rays of our own find the truth on, None if Cycles renders it; and what a pair states of it, nothing if it
+    comes with the radiance."""
+    if all(layer == BEAUTY for take in takes for layer, _ in take.images):
+        return None, {}
+    if rays is None or settings.quality.truth_by == "CYCLES":
+        return None, {"by": "Cycles"}
+    try:
+        stage = rays.prepare()
+    except CannotTrace as reason:
+        return None, {"by": "Cycles", "why": str(reason)}
+    return stage, {"by": stage.ground_tracer.name}
 
 
 def _write_workspace(path: Path, built: Built, scene: bpy.types.Scene, settings: Settings) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from types import TracebackType
 from typing import Self
 
@@ -17,11 +17,13 @@ from ..nodes.next_scene import adapt_scene
 from ..nodes.scene import Built
 from ..physics import refused_scenes
 from ..physics.camera.blur import blur_identity
+from ..physics.mesh.fine_relief import still_from_m
 from ..settings import changes
 from ..settings.description import digest
 from ..typed_settings import Settings
 from . import cycles_settings
 from .plans.planned_pair import PlannedPair
+from .ray_stage import RaysOfScene
 from .render_pair import check_camera, open_render_scene
 
 #: What a pair is rendered in: what is built, the scene to render, the seconds that it took to build.
@@ -39,9 +41,12 @@ class FixedScene:
         self._built, self._frame, self._seconds = built, frame, seconds_build
         self._held = ExitStack()
         self._scene: bpy.types.Scene | None = None
+        self.rays: RaysOfScene | None = None
 
     def __enter__(self) -> Self:
         self._scene = self._held.enter_context(open_render_scene(self._built, self._frame))
+        self.rays = self._held.enter_context(closing(RaysOfScene(self._scene,
+                                                                          still_from_m(self._built.settings.surface))))
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
@@ -66,6 +71,7 @@ class ScenesFromSettings:
         self._warned: set[str] = set()
         self._built: Built | None = None
         self._scene: bpy.types.Scene | None = None
+        self.rays: RaysOfScene | None = None
         self._held = ExitStack()
 
     def __enter__(self) -> Self:
@@ -91,6 +97,8 @@ class ScenesFromSettings:
         if not shared or not kept:
             self._held.close()
             self._scene = self._held.enter_context(open_render_scene(built, bpy.context.scene.frame_current))
+            self.rays = self._held.enter_context(closing(RaysOfScene(self._scene,
+                                                                              still_from_m(built.settings.surface))))
         assert self._scene is not None
         self._built = built
         # Not in a scene that comes and goes, after which Cycles would build its tree of triangles again.

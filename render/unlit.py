@@ -39,7 +39,7 @@ def take_surfaces_off(materials: Sequence[bpy.types.Material]) -> Iterator[None]
         for material in materials:
             tree = material.node_tree
             output = tree.get_output_node("CYCLES") if tree is not None else None
-            if output is None or not _is_opaque(tree, output):
+            if output is None or not is_opaque(tree, output):
                 continue
             for link in list(output.inputs["Surface"].links):
                 undo.callback(tree.links.new, link.from_socket, link.to_socket)
@@ -47,7 +47,7 @@ def take_surfaces_off(materials: Sequence[bpy.types.Material]) -> Iterator[None]
         yield
 
 
-def _is_opaque(tree: bpy.types.NodeTree, output: bpy.types.Node) -> bool:
+def is_opaque(tree: bpy.types.NodeTree, output: bpy.types.Node) -> bool:
     """Whether every ray surely ends at a surface. With a volume, one without a surface would let rays in."""
     alphas = [node.inputs["Alpha"] for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled"]
     return (not output.inputs["Volume"].links and not any(node.bl_idname in _MAYBE_PASSED for node in tree.nodes)

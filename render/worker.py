@@ -98,7 +98,7 @@ def _render_one(source: FixedScene | ScenesFromSettings, planned: PlannedPair, d
         built, scene, seconds_build = source.prepare(planned)
         indirect = baked_light.provide(built, scene, planned, shared)
         render_pair(built, scene, planned, dataset, seconds_build, report,
-                    partial(shared.claims.is_lost, planned.id), again, indirect)
+                    partial(shared.claims.is_lost, planned.id), again, indirect, source.rays)
         shared.note_pair(folder)
     send("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
          seconds=round(time.perf_counter() - start, 2))

@@ -597,6 +597,7 @@ class QualityOverrides(TypedDict, total=False):
     bake_noise: float
     half_floats: Literal["NONE", "RADIANCE", "RADIANCE_NORMALS"]
     truth: Literal["FULL", "SEMANTIC", "DEPTH"]
+    truth_by: Literal["RAYS", "CYCLES"]
     device: Literal["CPU", "GPU"]
     threads: int  # threads
 

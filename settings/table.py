@@ -1127,6 +1127,10 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
                       "planet), both from the render of the images, without normals and labels of single rocks"),
                      ("DEPTH", "Depth Only", "Depth from the render of the images. This saves the separate render "
                       "unless the images are blurred or toed in"))),
+    Setting("truth_by", "Truth By", "RAYS", "What finds truth that does not come with the images", "run",
+            choices=(("RAYS", "Rays", "Rays through the triangles that are rendered. Cycles renders the truth of "
+                      "scenes that rays would not meet as they are shown, and the pair states why"),
+                     ("CYCLES", "Cycles", "Four more renders, with shading normals beside those of facets"))),
     Setting("device", "Device", "CPU", "Processor that renders", "run",
             choices=(("CPU", "CPU", "All processor cores"),
                      ("GPU", "GPU", "The graphics cards that Cycles can use. Render Stereo Pair refuses it if there "

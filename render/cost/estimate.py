@@ -41,7 +41,9 @@ from .speed import Speed
 _START_S = 3.0
 _SCENE_S, _BUILD_S_PER_MTRI, _ROCKS_BUILD_S = 0.2, 0.7, 0.2
 _PAIR_S, _PAIR_S_PER_MTRI = 0.05, 0.6
-_S_PER_MPX, _TRUTH_S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 5.6, 2.06, 3.5
+_S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 2.06, 3.5
+#: By ``quality.truth_by``; and the trees for rays, once a scene (``benchmarks/truth_cost.py``).
+_TRUTH_S_PER_MPX, _RAYS_S_PER_MTRI = {"CYCLES": 5.6, "RAYS": 1.7}, 1.0
 #: Bytes of a pass per pixel that shows ground, of images of 160 columns (``benchmarks/disk.py``). Light of ice in
 #: sunlight is the same in three bands, so it takes a third of what it could; samples add values, to the most.
 _DEPTH, _NORMAL, _LIGHT, _DENOISED = 4.0, 11.9, 4.2, 12.0
@@ -50,6 +52,7 @@ _SUN_GROUP, _PLANET_GROUP = 0.97, 0.7  # of the whole light's
 #: Normals of facets are the same on all pixels of one: with edges of e pixels on the screen they take the fraction
 #: 1 - exp(-a e^b) of the normals', on a grid the third number; then what rocks add with their labels, and the rest.
 _FACETS, _FACETS_POWER, _FACETS_GRID, _ROCK_LABELS, _REST = 10.8, -1.21, 0.9, 1.0, 0.2
+_FACETS_OF_RAYS = 0.87
 #: Light and normals as 16-bit floats, over those of 32 bits (``benchmarks/half_floats.py``).
 _HALF_LIGHT, _HALF_NORMAL = 0.4, 0.5
 #: Neighbours in larger images are more alike: bytes of twice the columns over those of one.
@@ -80,19 +83,19 @@ _UNKNOWN_DEVICE = math.log(30.0) / 2  # a graphics card
 @dataclass(frozen=True)
 class Work:
     """What a pair asks of the machine: pixels of both eyes, samples, cost of one relative to Lambert's law, whether
-    it is denoised, and whether truth is a render of its own."""
+    it is denoised, and the processor seconds of a megapixel of the truth."""
 
     pixels: int
     samples: float
     relative: float
     denoised: bool
-    truth: bool
+    truth_s_per_mpx: float
 
     def seconds(self, triangles: float) -> float:
         """Processor seconds of the pair in a scene of so many triangles that is there."""
         mpx = self.pixels / 1e6
         return _PAIR_S + _PAIR_S_PER_MTRI * triangles / 1e6 + mpx * (
-            _S_PER_MPX + _TRUTH_S_PER_MPX * self.truth + _DENOISE_S_PER_MPX * self.denoised
+            _S_PER_MPX + self.truth_s_per_mpx + _DENOISE_S_PER_MPX * self.denoised
             + self.samples * self.relative * _SAMPLE_S_PER_MPX)
 
 
@@ -105,7 +108,8 @@ def work_of(settings: Settings) -> Work:
     relative = sum(weight * _sample_cost(settings, topic) for weight, topic in zip(weights, topics, strict=True))
     relative += _ROCKS * (coverage > 0)
     samples = samples_taken(quality.samples, quality.noise_threshold)
-    return Work(_pixels(settings), samples, relative, quality.denoiser != "NONE", quality.truth == "FULL")
+    truth = _TRUTH_S_PER_MPX[quality.truth_by] if quality.truth == "FULL" else 0.0
+    return Work(_pixels(settings), samples, relative, quality.denoiser != "NONE", truth)
 
 
 def _pixels(settings: Settings) -> int:
@@ -124,7 +128,8 @@ def bytes_of(settings: Settings) -> float:
         seen += (_SUN_GROUP + _PLANET_GROUP) * noisy
     copies = 1 + (settings.rig.toe_in_deg != 0)  # the rectified rig's truth, and that of eyes that are turned
     seen *= _HALF_LIGHT if quality.half_floats != "NONE" else 1.0
-    shape = _NORMAL + _facets(settings)
+    # Cycles' truth has normals of shading too, and an alpha of 1 beside those of facets.
+    shape = _facets(settings) * _FACETS_OF_RAYS if quality.truth_by == "RAYS" else _NORMAL + _facets(settings)
     shape *= _HALF_NORMAL if quality.half_floats == "RADIANCE_NORMALS" else 1.0
     truth = _DEPTH + shape if quality.truth == "FULL" else _DEPTH
     larger = _DOUBLE_WIDTH ** math.log2(settings.rig.width_px / 160.0)
@@ -190,7 +195,8 @@ def count_triangles(settings: Settings) -> float:
 
 def scene_seconds(settings: Settings, triangles: float) -> float:
     """Processor seconds of building a scene."""
-    return _SCENE_S + _BUILD_S_PER_MTRI * triangles / 1e6 + _ROCKS_BUILD_S * (settings.rocks.coverage > 0)
+    traced = _RAYS_S_PER_MTRI * (settings.quality.truth == "FULL" and settings.quality.truth_by == "RAYS")
+    return _SCENE_S + (_BUILD_S_PER_MTRI + traced) * triangles / 1e6 + _ROCKS_BUILD_S * (settings.rocks.coverage > 0)
 
 
 @dataclass(frozen=True)

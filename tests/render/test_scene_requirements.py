@@ -93,11 +93,13 @@ def test_without_labels_there_is_one_render_and_the_same_depth(tmp_path, monkeyp
     calls = []
     original = render_pair._run_cycles
     monkeypatch.setattr(render_pair, "_run_cycles", lambda *a: (calls.append(1), original(*a))[1])
-    rocks = {"rocks": {"coverage": 0.05}, "quality": {"samples": 8}}
+    rocks = {"rocks": {"coverage": 0.05}, "quality": {"samples": 8, "truth_by": "CYCLES"}}
     full, _ = render(tmp_path / "full", rocks)
     assert len(calls) == 5  # radiance, truth, and truth at three other places of a pixel, which finds what is hidden
     alone, _ = render(tmp_path / "alone", rocks, {"quality": {"truth": "DEPTH"}})
     assert len(calls) == 6
+    render(tmp_path / "rays", rocks, {"quality": {"truth_by": "RAYS"}})
+    assert len(calls) == 7  # radiance alone
     assert full.data["id"] != alone.data["id"]
     for eye in ("left", "right"):
         ours, theirs = read_truth(alone.truth(eye), eye), read_truth(full.truth(eye), eye)
@@ -114,7 +116,7 @@ def test_semantic_labels_come_with_the_light_and_are_the_same(tmp_path, monkeypa
     """Of the first sample, at the pixel's centre, not a mean of samples that see two things."""
     from icymoon.render import render_pair
 
-    scene = {"rocks": {"coverage": 0.1}, "quality": {"samples": 8}, "surface": {"model": law}}
+    scene = {"rocks": {"coverage": 0.1}, "quality": {"samples": 8, "truth_by": "CYCLES"}, "surface": {"model": law}}
     full, _ = render(tmp_path / "full", scene)
     calls = []
     original = render_pair._run_cycles
@@ -149,7 +151,7 @@ def test_open_shading_language_is_on_only_for_what_is_made_of_it(model, needed, 
     original = render_pair._run_cycles
     monkeypatch.setattr(render_pair, "_run_cycles", lambda scene, *a: (on.append(scene.cycles.shading_system),
                                                              original(scene, *a))[1])
-    _, built = render(tmp_path, {"surface": {"model": model}, "quality": {"samples": 1}})
+    _, built = render(tmp_path, {"surface": {"model": model}, "quality": {"samples": 1, "truth_by": "CYCLES"}})
     assert any(map(is_osl, built.materials)) == needed
     assert on == [needed, False, False, False, False]  # the truth never
     assert bpy.context.scene.cycles.shading_system == needed

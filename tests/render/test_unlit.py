@@ -18,7 +18,7 @@ from icymoon.stereo.images.exr import read_view
 from mathutils import Matrix
 from rendering import complete, empty_scene
 
-TWO = {"rig": {"width_px": 48, "height_px": 36}, "dataset": {"headings": 2}}
+TWO = {"rig": {"width_px": 48, "height_px": 36}, "dataset": {"headings": 2}, "quality": {"truth_by": "CYCLES"}}
 ROCKS = {"rocks": {"coverage": 0.2, "smallest_m": 0.2, "largest_m": 0.8}}
 CLEAR = {"rocks": {"own_surface": True},
          "rock_surface": {"model": "PRINCIPLED", "transmission": 1.0, "transmitted": "THROUGH", "roughness": 0.05}}

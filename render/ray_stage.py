@@ -1,0 +1,223 @@
+"""The triangles that Cycles traces of a scene, with their places and labels, for rays of our own.
+
+Blender evaluates the objects of a view layer for its window. What a render would show otherwise, or what is no mesh, is
+refused with a reason; Cycles then renders the truth too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .. import compat
+from ..labels import INSTANCE_ATTRIBUTE
+from ..nodes.datablocks.fingerprint import TAG
+from ..nodes.light.celestial_meshes import TRANSMISSION
+from ..rays.engine import can_trace, open_tracer
+from ..rays.shapes import Placed, Shape, World
+from ..rays.stereo_truth import Stage
+from .mesh_arrays import read_corners, read_slots, read_smooth, read_triangles, read_vertices
+from .moved_vertices import is_moved, move_corners
+from .unlit import is_opaque
+
+#: Objects without a surface.
+_NO_SURFACE = {"CAMERA", "LIGHT", "EMPTY", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
+_SKY = {"planet", "rings", "stars"}
+
+
+class CannotTrace(Exception):  # noqa: N818  it is an answer, not a fault
+    """Rays of our own would not meet what Cycles renders; the reason is a part of a sentence."""
+
+
+@dataclass
+class _Part:
+    """A mesh with the labels of its materials, where it stands and the numbers of these places."""
+
+    shape: Shape | None
+    places: list[np.ndarray]
+    numbers: list[int]
+    sky: bool
+
+
+class RaysOfScene:
+    """Rays through a scene that is rendered, for one pair after the other. Trees are built for the first of them."""
+
+    def __init__(self, scene: bpy.types.Scene, still_m: float) -> None:
+        """For ``still_m`` see ``moved_vertices.as_rendered``."""
+        self._scene, self._still_m = scene, still_m
+        self._meshes: list[Any] = []
+        self._standing: list[Any] = []
+        self._parts: list[_Part] = []
+        self._stage: Stage | None = None
+
+    def prepare(self) -> Stage:
+        """The stage as the scene is now. Raises CannotTrace, and MemoryError for trees that memory has no room for."""
+        items = [item for item in self._scene.objects if item.type not in _NO_SURFACE]
+        meshes = [(item.name_full, item.data.as_pointer(), item.hide_render) for item in items]
+        standing = [tuple(map(tuple, item.matrix_world)) for item in items]
+        if self._stage is None or meshes != self._meshes:
+            self.close()
+            self._stage = self._build()
+        elif standing != self._standing:
+            self._stage = self._place(self._stage)
+        self._meshes, self._standing = meshes, standing
+        return self._stage
+
+    def _build(self) -> Stage:
+        folders = compat.library_folders()
+        if not can_trace(folders):
+            raise CannotTrace("there is no Embree here")
+        self._parts = _collect(self._scene, self._still_m)
+        ground, sky = self._worlds()
+        return Stage(ground, open_tracer(ground, folders), sky, open_tracer(sky, folders))
+
+    def _place(self, before: Stage) -> Stage:
+        """The same shapes in other places."""
+        found = list(_find(self._scene, read=False)[0].values())
+        if len(found) != len(self._parts):
+            self.close()
+            return self._build()
+        for part, now in zip(self._parts, found, strict=True):
+            part.places, part.numbers = now.places, now.numbers
+        ground, sky = self._worlds()
+        before.ground_tracer.place(ground)
+        before.sky_tracer.place(sky)
+        return Stage(ground, before.ground_tracer, sky, before.sky_tracer)
+
+    def _worlds(self) -> tuple[World, World]:
+        """What is near, and the sky."""
+        made: tuple[list[Placed], list[Placed]] = [], []
+        for part in self._parts:
+            assert part.shape is not None
+            made[part.sky].append(Placed(part.shape, np.array(part.places), np.array(part.numbers, np.int64)))
+        return World(made[0]), World(made[1])
+
+    def close(self) -> None:
+        """Free the trees."""
+        if self._stage is not None:
+            self._stage.ground_tracer.close()
+            self._stage.sky_tracer.close()
+            self._stage = None
+
+
+def _instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.DepsgraphObjectInstance]]:
+    """What a render shows of a scene. Raises CannotTrace for what is not rendered as it is evaluated."""
+    layer = scene.view_layers[0]
+    layer.update()
+    for found in layer.depsgraph.object_instances:
+        item = found.object
+        own = item.original
+        if not found.show_self or own.hide_render or item.type in _NO_SURFACE or own.get(TAG) == "stars":
+            continue
+        if item.type != "MESH":
+            raise CannotTrace(f"the object {own.name} is no mesh")
+        if not item.visible_camera or item.is_holdout or item.is_shadow_catcher:
+            raise CannotTrace(f"the camera does not see the object {own.name} as it stands there")
+        if len(item.data.polygons):
+            yield item, found
+
+
+def _collect(scene: bpy.types.Scene, still_m: float) -> list[_Part]:
+    """The meshes of a scene with their triangles."""
+    parts, moved = _find(scene, read=True)
+    for key, (mesh, labels) in moved.items():
+        parts[key].shape = _read_moved(mesh, labels, parts[key].places[0], still_m)
+    return list(parts.values())
+
+
+_Key = tuple[int, tuple[int, ...]]
+
+
+def _find(scene: bpy.types.Scene, read: bool) -> tuple[dict[_Key, _Part],
+                                                       dict[_Key, tuple[bpy.types.Mesh, tuple[int, ...]]]]:
+    """The meshes of a scene with their places, and those that their materials move, with their labels.
+
+    Shapes are read if ``read``, but those of moved meshes, whose vertices are found in a scene of their own: then what
+    is evaluated here is gone.
+    """
+    parts: dict[_Key, _Part] = {}
+    moved: dict[_Key, tuple[bpy.types.Mesh, tuple[int, ...]]] = {}
+    points: dict[str, np.ndarray] = {}
+    for item, found in _instances(scene):
+        labels = tuple(slot.material.pass_index if slot.material else 0 for slot in item.material_slots) or (0,)
+        key = item.data.as_pointer(), labels
+        if key not in parts:
+            parts[key] = _Part(None, [], [], item.original.get(TAG) in _SKY)
+            if read:
+                _check(item)
+                if is_moved(item.data):
+                    moved[key] = item.original.data, labels
+                else:
+                    parts[key].shape = _read_shape(item.data, labels)
+        parts[key].places.append(np.array(found.matrix_world, np.float64))
+        parts[key].numbers.append(_number(item, found, points))
+    return parts, moved
+
+
+def _check(item: bpy.types.Object) -> None:
+    """Raise CannotTrace if a render may show another mesh of an object, or lets rays pass it."""
+    own = item.original
+    if TAG in own:
+        return
+    for modifier in own.modifiers:
+        levels = getattr(modifier, "render_levels", None)
+        if modifier.show_viewport != modifier.show_render or levels not in (None, getattr(modifier, "levels", None)):
+            raise CannotTrace(f"the object {own.name} has another mesh in renders than in the window")
+    if own.modifiers and is_moved(item.data):
+        raise CannotTrace(f"the object {own.name} has modifiers and a material that moves its vertices")
+    for slot in item.material_slots:
+        tree = slot.material.node_tree if slot.material else None
+        output = tree.get_output_node("CYCLES") if tree is not None else None
+        if tree is not None and output is not None and not is_opaque(tree, output):
+            raise CannotTrace(f"the object {own.name} may let rays pass")
+
+
+def _number(item: bpy.types.Object, found: bpy.types.DepsgraphObjectInstance, points: dict[str, np.ndarray]) -> int:
+    """The label of an instance: of a rock that of its point, of another object its pass index. Raises CannotTrace."""
+    parent = found.parent.original if found.is_instance and found.parent is not None else None
+    if parent is None or INSTANCE_ATTRIBUTE not in getattr(parent.data, "attributes", ()):
+        return int(item.original.pass_index)
+    if parent.name_full not in points:
+        attribute = parent.data.attributes[INSTANCE_ATTRIBUTE]
+        values = np.empty(len(attribute.data), np.float32)
+        attribute.data.foreach_get("value", values)
+        points[parent.name_full] = values
+    index = found.persistent_id[0]
+    if not 0 <= index < len(points[parent.name_full]):
+        raise CannotTrace(f"the rocks of {parent.name} have other numbers than their points")
+    return int(points[parent.name_full][index])
+
+
+def _label_triangles(mesh: bpy.types.Mesh, labels: Sequence[int], facets: np.ndarray) -> np.ndarray:
+    """The labels (m,) uint8 of triangles that belong to ``facets`` (m,)."""
+    return np.asarray(labels, np.uint8)[np.clip(read_slots(mesh), 0, len(labels) - 1)[facets]]
+
+
+def _read_shape(mesh: bpy.types.Mesh, labels: Sequence[int]) -> Shape:
+    """The triangles of an evaluated mesh."""
+    loops, facets = read_triangles(mesh)
+    label = _label_triangles(mesh, labels, facets)
+    return Shape(read_vertices(mesh), read_corners(mesh)[loops].astype(np.uint32), read_smooth(mesh)[facets], label,
+                 _read_passing(mesh))
+
+
+def _read_passing(mesh: bpy.types.Mesh) -> np.ndarray | None:
+    """The share of light that passes at the vertices of rings."""
+    attribute = mesh.attributes.get(TRANSMISSION)
+    if attribute is None or (attribute.data_type, attribute.domain) != ("FLOAT", "POINT"):
+        return None
+    passing = np.empty(len(attribute.data), np.float32)
+    attribute.data.foreach_get("value", passing)
+    return passing
+
+
+def _read_moved(mesh: bpy.types.Mesh, labels: Sequence[int], place: np.ndarray, still_m: float) -> Shape:
+    """The triangles of a mesh whose vertices are moved by its material, the first time at ``place`` (4, 4)."""
+    vertices, groups = move_corners(mesh, place, still_m=still_m)
+    loops, facets = read_triangles(mesh)
+    return Shape(vertices, groups[loops].astype(np.uint32), read_smooth(mesh)[facets],
+                 _label_triangles(mesh, labels, facets))

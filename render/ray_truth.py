@@ -1,0 +1,51 @@
+"""The truth of a pair by rays of our own, in files like those that Cycles writes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from ..files import explain_disk_errors
+from ..formats.exr_parts import assemble
+from ..formats.exr_pixels import encode_part
+from ..labels import FIRST_ROCK_INSTANCE, HIDDEN, INSTANCE_AOV, NORMAL_AOV, SKY_DEPTH_M, TRUTH
+from ..rays.stereo_truth import Eye, EyeTruth, Stage, trace_eyes
+from .pairs.pair_folder import EYES, StereoCamera
+
+
+def trace_truth(stage: Stage, files: Mapping[str, Path], camera: StereoCamera, poses: Mapping[str, np.ndarray],
+                lens: bpy.types.Camera, toed: bool, wanted: str) -> None:
+    """Write the truth of both eyes that is ``wanted``, as in ``quality.truth``, into ``files``, by eye.
+
+    ``poses`` are the camera-to-world matrices (4, 4) of the parallel eyes; with ``toed`` they are turned in. What
+    ``lens`` does not see for its clipping has no truth.
+    """
+    columns, rows = camera.rendered_px
+    eyes = {eye: Eye(columns, rows, camera.focal_px, camera.cx_px + camera.margin_x_px,
+                     camera.cy_px + camera.margin_y_px,
+                     poses[eye][:3, :3] @ (camera.eye_rotation(eye).T if toed else np.eye(3)), poses[eye][:3, 3])
+            for eye in EYES}
+    for eye, truth in trace_eyes(stage, eyes, camera.baseline_m, lens.clip_start, lens.clip_end).items():
+        with explain_disk_errors("write", files[eye]):
+            files[eye].write_bytes(encode_truth(truth, wanted))
+
+
+#: Passes by ``quality.truth``; all of them if it is none of these.
+_PASSES = {"DEPTH": ("Depth",), "SEMANTIC": ("Depth", "Material Index")}
+
+
+def encode_truth(truth: EyeTruth, wanted: str = "FULL") -> bytes:
+    """An EXR file of the truth of an eye that is ``wanted``."""
+    rocks = truth.number >= FIRST_ROCK_INSTANCE
+    passes = {
+        "Depth": {"Z": np.where(np.isinf(truth.depth_m), SKY_DEPTH_M, truth.depth_m)},
+        "Object Index": {"X": np.where(rocks, 0, truth.number)},
+        "Material Index": {"X": truth.label},
+        NORMAL_AOV: dict(zip("RGB", np.moveaxis(truth.normal, -1, 0), strict=True)),
+        INSTANCE_AOV: {"X": np.where(rocks, truth.number, 0)},
+        HIDDEN: {"X": truth.hidden}}
+    return assemble([encode_part(f"{TRUTH}.{name}", channels) for name, channels in passes.items()
+                     if name in _PASSES.get(wanted, passes)])
