@@ -11,7 +11,7 @@ from typing import Any
 from ...errors import IcyMoonError, describe_error
 from ...file_shapes import FILE_NAME, SHA256, Each, find_fault
 from ...files import quote, read_text, sha256
-from ...formats.exr_layout import is_whole
+from ...formats.exr_layout import read_sizes
 from ...number_text import count_of
 from ...physics.camera.blur import blur_identity
 from ...settings.description import digest
@@ -29,7 +29,7 @@ from ..pairs.our_files import (
     list_foreign,
     remove_ours,
 )
-from ..pairs.pair_folder import Pair, is_complete, read_pair
+from ..pairs.pair_folder import Pair, StereoCamera, is_complete, read_pair
 from ..plans.frozen_plan import PLAN, read_frozen_plan
 from ..plans.planned_pair import PlannedPair
 from .claims import CLAIMS_FOLDER, Claims
@@ -233,8 +233,13 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None) -> Iterator[st
         yield f"{path}: was rendered with the seed {seeds.get('render')}, not {wanted.render_seed}"
     if "dataset" in seeds and seeds["dataset"] != wanted.settings.dataset.seed:
         yield f"{path}: seeds.dataset is {seeds['dataset']}, and its settings give {wanted.settings.dataset.seed}"
-    yield from (f"{pair.folder / name} is no whole EXR image" for name in pair.data["files"]
-                if name.endswith(".exr") and not is_whole(pair.folder / name))
+    wide, high = StereoCamera.from_settings(wanted.settings.rig).rendered_px
+    for file in (pair.folder / name for name in pair.data["files"] if name.endswith(".exr")):
+        sizes = read_sizes(file)
+        if not sizes:
+            yield f"{file} is no whole EXR image"
+        yield from (f"{file} has {columns} x {rows} pixels, and its settings give {wide} x {high}"
+                    for columns, rows in sizes - {(wide, high)})
 
 
 def _settings_in_id() -> list[tuple[str, str, str]]:

@@ -190,6 +190,16 @@ def test_an_image_that_is_replaced_with_its_checksum_is_not_found(dataset):
 
 # Pairs decide
 
+def test_an_image_of_another_size_is_found_whatever_its_checksum(dataset, tmp_path):
+    folder = PAIRS[1].folder(dataset)
+    other = write_pair(tmp_path / "other" / PAIRS[1].id, Scene(), camera(24, 16))
+    (folder / "left.exr").write_bytes((other / "left.exr").read_bytes())
+    files = json.loads((folder / "pair.json").read_text())["files"]
+    files["left.exr"] = json.loads((other / "pair.json").read_text())["files"]["left.exr"]
+    rewrite(folder, files=files)
+    assert "left.exr has 24 x 16 pixels, and its settings give 32 x 24" in the_problem(dataset).text
+
+
 def first_light(dataset: Path) -> Path:
     return sorted((dataset / "light").iterdir())[0]
 
