@@ -179,8 +179,8 @@ def _run_batch(options: argparse.Namespace) -> int:
             if frozen.note:
                 say("warning", message=frozen.note)
             status = render(dataset, list(frozen.pairs), how, say, options.dask)
-    some = len(frozen.find_missing(dataset)) < len(frozen.pairs)
-    failed = _evaluate(dataset, options) if options.evaluate and some else 0
+    some = options.evaluate and any(is_complete(pair.folder(dataset)) for pair in frozen.pairs)
+    failed = _evaluate(dataset, options) if some else 0
     return _report_status(status, dataset, options.json) or failed
 
 
