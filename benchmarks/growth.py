@@ -31,8 +31,7 @@ from icymoon.render.plans.frozen_plan import freeze_plan
 from icymoon.render.plans.order import ordered
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.plans.planned_pair import PlannedPair
-from icymoon.render.workers.job import Job, read_job
-from icymoon.settings.description import restored
+from icymoon.render.workers.job import Job, read_job, read_planned_pairs
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 
@@ -123,7 +122,7 @@ def measure(folder: Path, count: int, evaluates: bool) -> dict[str, float]:
              "work": seconds_of(lambda: run("work", dataset, "--json"))}
     jobs: list[Job] = []
     found["job out"] = seconds_of(lambda: jobs.append(Job(dataset, pairs=pairs)))
-    found["job in"] = seconds_of(lambda: [restored(p["settings"], "job") for p in read_job(jobs[0].file)["pairs"]])
+    found["job in"] = seconds_of(lambda: read_planned_pairs(read_job(jobs[0].file)))
     found["job MB"] = jobs[0].file.stat().st_size / 1e6
     jobs[0].discard()
     if evaluates:
