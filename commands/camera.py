@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -45,15 +44,13 @@ class _Eye:
     size_px: tuple[int, int]
 
 
-def add_verb(verbs: Any) -> None:
-    """Add the verb to the command line's parser."""
-    camera = verbs.add_parser("camera", help="print the rig of two calibrated cameras as settings (CAHV, CAHVOR, "
-                              "CAHVORE, or YAML of ROS)")
-    camera.add_argument("left", type=as_path, help="the left camera: a .cahvor file, a PDS3 label, or ROS' YAML")
-    camera.add_argument("right", type=as_path, help="the right camera")
-    camera.add_argument("--most-px", type=float, default=FIT_LIMIT_PX, metavar="PX",
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``camera``."""
+    parser.add_argument("left", type=as_path, help="the left camera: a .cahvor file, a PDS3 label, or ROS' YAML")
+    parser.add_argument("right", type=as_path, help="the right camera")
+    parser.add_argument("--most-px", type=float, default=FIT_LIMIT_PX, metavar="PX",
                         help="largest error of a lens that can only be fitted (%(default)s)")
-    camera.set_defaults(run=_run_camera)
+    parser.set_defaults(run=_run_camera)
 
 
 def _run_camera(options: argparse.Namespace) -> int:

@@ -24,9 +24,8 @@ _COLUMNS = ("Date (UTC)", "Sun el.°", "az.°", "W/m²", "level", "hidden %", "P
             "W/m²", "level")
 
 
-def add_verb(verbs: Any) -> None:
-    """Add the verb to the command line's parser."""
-    parser = verbs.add_parser("sky", help="print Sun, planet and eclipse over a site at a date, without a render")
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``sky``."""
     add_scene_options(parser)
     parser.add_argument("--body", help="light.body with its preset: ENCELADUS or EUROPA; or any that the kernels "
                         "cover, whose planet --set light.parent=NAME names")
