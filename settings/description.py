@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import marshal
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
@@ -36,8 +35,6 @@ MIN_SIMILARITY = 0.4
 _INFINITE = 2.0**128 - 2.0**103
 #: Tables that are remembered at the most while many descriptions are read.
 _MOST_KNOWN = 2000
-#: The version of ``marshal`` in which equal values give equal bytes.
-_WITHOUT_REFERENCES = 2
 #: Tables by topic, in which the settings of a description are collected.
 Tables = dict[str, dict[str, Any]]
 Made = TypeVar("Made")
@@ -222,8 +219,8 @@ class Restorer:
 
     def __init__(self) -> None:
         self._before = _before()
-        self._checked: dict[tuple[str, bytes], Tables] = {}
-        self._whole: dict[tuple[str, bytes], Settings] = {}
+        self._checked: dict[tuple[str, str], Tables] = {}
+        self._whole: dict[tuple[str, str], Settings] = {}
 
     def __call__(self, data: Mapping[str, Any], where: str, written_by: str = "") -> Settings:
         """The complete settings, see ``restored``."""
@@ -243,12 +240,9 @@ class Restorer:
                           lambda: merged({topic: self._before.get(topic, {})}, {topic: values}))
 
 
-def _made_once(known: dict[tuple[str, bytes], Made], topic: str, values: Any, make: Callable[[], Made]) -> Made:
+def _made_once(known: dict[tuple[str, str], Made], topic: str, values: Any, make: Callable[[], Made]) -> Made:
     """What ``make`` makes of a table, or has made of another of the same content."""
-    try:
-        content = marshal.dumps(values, _WITHOUT_REFERENCES)
-    except ValueError:  # such as a date
-        return make()
+    content = repr(values)  # tells 1 from 1.0 and from true, and 0.0 from -0.0
     if (topic, content) not in known:
         if len(known) >= _MOST_KNOWN:
             known.clear()

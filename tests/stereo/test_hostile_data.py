@@ -46,7 +46,7 @@ def report(tmp_path_factory):
         data = json.loads((pair / "pair.json").read_text(encoding="utf-8"))
         data["settings"]["light"] |= {"body": EVIL if k else "EUROPA", "sun_elevation_deg": 10.0 * k}
         data["settings"]["dataset"]["folder"] = EVIL
-        data |= {"versions": {"blender": EVIL}, "device": EVIL, "denoiser": EVIL}
+        data |= {"versions": {"blender": EVIL}, "platform": EVIL}
         (pair / "pair.json").write_text(json.dumps(data), encoding="utf-8")
     (folder / "set" / "pairs" / "broken" / "left.exr").write_bytes(b"none")  # which fails, with a message
     evaluate([folder / "set"], parse_methods("bm"), folder / "out")

@@ -184,7 +184,8 @@ def shading_angles_deg(pair):
 def reliefs(tmp_path_factory):
     """A pair for each kind of fine relief."""
     folder = tmp_path_factory.mktemp("reliefs")
-    return {relief: render(folder / relief, NEAR_ICE, {"surface": {"relief": relief}})[0]
+    shaded = {"quality": {"truth_by": "CYCLES"}}  # which has the normals of shading
+    return {relief: render(folder / relief, NEAR_ICE, shaded, {"surface": {"relief": relief}})[0]
             for relief in ("BUMP", "REAL")}
 
 
