@@ -37,6 +37,7 @@ from ..physics.scene_requirements import why_not_baked
 from ..settings import changes
 from ..typed_settings import Settings
 from . import baked_rocks, cycles_settings, texel_bakes
+from .mesh_arrays import read_corners, read_triangles, read_vertices
 from .pairs.baked_file import BakedLight
 from .plans.planned_pair import PlannedPair
 from .workers.shared_light import KeptLight, SharedLight
@@ -168,15 +169,9 @@ def find_seen(built: Built, planned: PlannedPair) -> np.ndarray:
     mesh, camera = built.terrain.data, built.camera
     with turn_about_eye(camera, planned.turn_deg):
         to_camera = np.array(camera.matrix_world.inverted() @ built.terrain.matrix_world)
-    right, up, back = (_read_positions(mesh) @ to_camera[:3, :3].T + to_camera[:3, 3]).T
+    right, up, back = (read_vertices(mesh) @ to_camera[:3, :3].T + to_camera[:3, 3]).T
     starts, _, corners, _ = texel_bakes.read_facets(mesh)
     return find_seen_facets(sides_passed(planned.settings.rig, right, -up, -back), starts, corners)
-
-
-def _read_positions(mesh: bpy.types.Mesh) -> np.ndarray:
-    positions = np.empty(3 * len(mesh.vertices), np.float32)
-    mesh.vertices.foreach_get("co", positions)
-    return positions.reshape(-1, 3)
 
 
 def _vertices_of(mesh: bpy.types.Mesh, facets: np.ndarray) -> np.ndarray:
@@ -218,7 +213,7 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, 
     mesh = terrain.data
     lit = np.ones(len(mesh.vertices), bool) if seen is None else _vertices_of(mesh, seen)
     triangles = (np.cumsum(lit) - 1)[_triangles(mesh, seen)]  # by the order of the vertices that get light
-    positions = _read_positions(mesh)
+    positions = read_vertices(mesh)
     under = np.argmin((positions[:, :2] ** 2).sum(axis=1))
     eye = np.array([0.0, 0.0, positions[under, 2] + _EYE_M])
     numbers = _NO_ROCKS
@@ -310,11 +305,8 @@ def _open_bake(item: bpy.types.Object, scene: bpy.types.Scene, settings: Setting
 
 def _triangles(mesh: bpy.types.Mesh, seen: np.ndarray | None) -> np.ndarray:
     """Vertices of the triangles that a mesh, or facets of it that are ``seen``, is rendered as, (n, 3)."""
-    mesh.calc_loop_triangles()
-    found, facets = np.empty(3 * len(mesh.loop_triangles), np.int32), np.empty(len(mesh.loop_triangles), np.int32)
-    mesh.loop_triangles.foreach_get("vertices", found)
-    mesh.loop_triangles.foreach_get("polygon_index", facets)
-    return found.reshape(-1, 3) if seen is None else found.reshape(-1, 3)[seen[facets]]
+    loops, facets = read_triangles(mesh)
+    return read_corners(mesh)[loops if seen is None else loops[seen[facets]]]
 
 
 def _smooth(tree: bpy.types.NodeTree, undo: ExitStack) -> None:

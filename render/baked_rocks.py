@@ -20,6 +20,7 @@ from ..nodes.ground.terrain_mesh import build_mesh_from_arrays
 from ..physics.light import baked_rocks
 from ..physics.light.baked_rocks import Points
 from ..physics.rocks.rocks import LEVEL_RANKS, euler_matrices
+from .mesh_arrays import read_corners, read_vertices
 
 _NAME = "Icy Moon Baked Rocks"
 
@@ -31,8 +32,7 @@ def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> Points:
     shape = _read(mesh, SHAPE, np.int32, 1)[:, 0]
     scale = _read(mesh, SCALE, np.float32, 3).astype(np.float64)
     matrices = euler_matrices(_read(mesh, ROTATION, np.float32, 3).astype(np.float64)) * scale[:, None, :]
-    positions = np.empty(3 * count, np.float32)
-    mesh.vertices.foreach_get("co", positions)
+    positions = read_vertices(mesh).astype(np.float64)
     level = np.searchsorted(LEVEL_RANKS, np.arange(count), side="right")
     shapes = sorted((part for part in parts_of(rocks, TAG) if isinstance(part, bpy.types.Object)),
                     key=lambda part: part.name)
@@ -42,9 +42,8 @@ def draw_points(rocks: bpy.types.Object, random: np.random.Generator) -> Points:
         for some, points in enumerate(baked_rocks.POINTS):
             these = np.flatnonzero((shape == number) & (level == some))
             if len(these):
-                drawn.append(baked_rocks.draw_points(vertices, triangles, these, matrices[these],
-                                                     positions.reshape(-1, 3)[these].astype(np.float64), points,
-                                                     random))
+                drawn.append(baked_rocks.draw_points(vertices, triangles, these, matrices[these], positions[these],
+                                                     points, random))
     return Points(*(np.concatenate([getattr(each, name) for each in drawn])
                     for name in ("rock", "place", "normal", "corners")))
 
@@ -105,7 +104,4 @@ def _read(mesh: bpy.types.Mesh, name: str, kind: type, width: int) -> np.ndarray
 
 def _arrays(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) and triangles (m, 3) of a shape."""
-    vertices, corners = np.empty(3 * len(mesh.vertices), np.float32), np.empty(len(mesh.loops), np.int32)
-    mesh.vertices.foreach_get("co", vertices)
-    mesh.loops.foreach_get("vertex_index", corners)
-    return vertices.reshape(-1, 3).astype(np.float64), corners.reshape(-1, 3)
+    return read_vertices(mesh).astype(np.float64), read_corners(mesh).reshape(-1, 3)

@@ -34,6 +34,7 @@ from ..support.printer import emit
 from ..typed_settings import Settings
 from .ground_files import frame_facts, refuse_too_many, write_map, write_meshes
 from .ground_maps import make_ground_map
+from .mesh_arrays import read_corners, read_triangles, read_vertices
 from .moved_vertices import as_rendered, is_moved
 from .plans.planned_pair import PlannedPair
 from .scene_source import ScenesFromSettings
@@ -50,17 +51,11 @@ def mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
 
     Corners share a vertex where the surface is smooth. Otherwise each corner of a triangle has a vertex of its own.
     """
-    mesh.calc_loop_triangles()
-    loops = np.empty(3 * len(mesh.loop_triangles), np.int32)
-    mesh.loop_triangles.foreach_get("loops", loops)
-    corners = np.empty(len(mesh.loops), np.int32)
-    mesh.loops.foreach_get("vertex_index", corners)
-    positions, smooth, split = (np.empty(3 * count, np.float32) for count in (
-        len(mesh.vertices), len(mesh.vertices), len(mesh.loops)))
-    mesh.vertices.foreach_get("co", positions)
+    loops, corners, positions = read_triangles(mesh)[0].ravel(), read_corners(mesh), read_vertices(mesh)
+    smooth, split = (np.empty(3 * count, np.float32) for count in (len(mesh.vertices), len(mesh.loops)))
     mesh.vertex_normals.foreach_get("vector", smooth)
     mesh.corner_normals.foreach_get("vector", split)
-    positions, smooth, split = (values.reshape(-1, 3) for values in (positions, smooth, split))
+    smooth, split = (values.reshape(-1, 3) for values in (smooth, split))
     alone = (np.abs(smooth[corners] - split) > 1e-4).any(axis=1)[loops]
     used = np.zeros(len(positions), bool)
     used[corners[loops[~alone]]] = True

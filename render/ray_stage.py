@@ -17,6 +17,7 @@ from .. import compat
 from ..labels import INSTANCE_ATTRIBUTE
 from ..nodes.datablocks.fingerprint import TAG
 from ..nodes.light.celestial_meshes import TRANSMISSION
+from ..nodes.tree.evaluate_field import read_numbers
 from ..rays.engine import can_trace, open_tracer
 from ..rays.shapes import Placed, Shape, World
 from ..rays.stereo_truth import Stage
@@ -202,17 +203,7 @@ def _read_shape(mesh: bpy.types.Mesh, labels: Sequence[int]) -> Shape:
     loops, facets = read_triangles(mesh)
     label = _label_triangles(mesh, labels, facets)
     return Shape(read_vertices(mesh), read_corners(mesh)[loops].astype(np.uint32), read_smooth(mesh)[facets], label,
-                 _read_passing(mesh))
-
-
-def _read_passing(mesh: bpy.types.Mesh) -> np.ndarray | None:
-    """The share of light that passes at the vertices of rings."""
-    attribute = mesh.attributes.get(TRANSMISSION)
-    if attribute is None or (attribute.data_type, attribute.domain) != ("FLOAT", "POINT"):
-        return None
-    passing = np.empty(len(attribute.data), np.float32)
-    attribute.data.foreach_get("value", passing)
-    return passing
+                 read_numbers(mesh, TRANSMISSION))  # of rings
 
 
 def _read_moved(mesh: bpy.types.Mesh, labels: Sequence[int], place: np.ndarray, still_m: float) -> Shape:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..labels import BAKED_ATTRIBUTES
 from ..physics.light import baked_texels
+from .mesh_arrays import read_corners
 
 
 def lay_out(mesh: bpy.types.Mesh, lit: np.ndarray) -> baked_texels.Texels:
@@ -22,10 +23,9 @@ def lay_out(mesh: bpy.types.Mesh, lit: np.ndarray) -> baked_texels.Texels:
 def read_facets(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Of each facet its first corner, number of corners and, last, its area in m²; of each corner its vertex."""
     count = len(mesh.polygons)
-    starts, corners, areas = np.empty(count, np.int32), np.empty(len(mesh.loops), np.int32), np.empty(count, np.float32)
+    starts, corners, areas = np.empty(count, np.int32), read_corners(mesh), np.empty(count, np.float32)
     mesh.polygons.foreach_get("loop_start", starts)
     mesh.polygons.foreach_get("area", areas)
-    mesh.loops.foreach_get("vertex_index", corners)
     return starts, np.diff(starts, append=len(corners)), corners, areas
 
 
