@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from ...typed_settings import LightSettings
+from .ephemeris import site_frame
 
 #: Angle on the body between two places, in degrees, by which their skies differ too; less is no other site.
 _APART_DEG = 0.1
-#: From which a turn of the map is more than its grid's convergence, as in ``formats.geotiff``.
+#: Turn of a map from which it is said; a grid's convergence on a map of one zone is less, and shadows hardly move.
 _TURNED_DEG = 1.0
 
 
@@ -34,7 +35,5 @@ def doubt_sky(light: LightSettings, place: Mapping[str, Any] | None) -> list[str
 
 def _angle_deg(one: tuple[float, float], other: tuple[float, float]) -> float:
     """Angle in degrees between two places (latitude, longitude) in degrees, as seen from the centre of the body."""
-    a, b = ([math.cos(math.radians(latitude)) * math.cos(math.radians(longitude)),
-             math.cos(math.radians(latitude)) * math.sin(math.radians(longitude)), math.sin(math.radians(latitude))]
-            for latitude, longitude in (one, other))
+    a, b = (site_frame((1.0, 1.0, 1.0), *place)[0] for place in (one, other))
     return math.degrees(2 * math.asin(min(1.0, math.dist(a, b) / 2)))
