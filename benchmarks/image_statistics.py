@@ -14,7 +14,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from icymoon.commands.cli import render_settings
+from icymoon.commands.render_scenes import render_settings
 from icymoon.labels import ROCK, TERRAIN
 from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.settings import description, preset_files

@@ -111,7 +111,8 @@ def _find_by_rays(built: Built, settings: Any) -> Masks:
     with tempfile.TemporaryDirectory() as folder:
         render_pairs(built, expand_headings(typed(made)), Path(folder), 1, 0.0, lambda *a, **k: None)
         pair = find_pairs(Path(folder))[0]
-        return {eye: read_truth(pair.truth(eye), eye).hidden for eye in EYES}
+        found = {eye: read_truth(pair.truth(eye), eye).hidden for eye in EYES}
+    return {eye: mask for eye, mask in found.items() if mask is not None}
 
 
 def _render(built: Built, settings: Any) -> tuple[Pair, Masks, dict[str, list[np.ndarray]], float]:

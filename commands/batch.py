@@ -30,56 +30,61 @@ from ..render.workers.verify import Findings, verify
 from ..support import printer
 from ..system import call_ours, count_processors, kill_all, set_stop_handler, start
 from ..terminal import as_path, show_progress
+from .renderer_options import add_blender_option, add_cards_option
 
 Say = Callable[..., None]
 #: Threads that a worker has, where the machine has that many: sampling scales well up to there.
 _THREADS = 4
 
 
-def add_verbs(verbs: Any) -> None:
-    """Add the verbs to the command line's parser."""
-    batch = verbs.add_parser("batch", help="render the data set that a plan describes, and go on where it stopped")
-    batch.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
-    batch.add_argument("--out", type=as_path, required=True, metavar="DATASET", help="folder of the data set")
-    batch.add_argument("--evaluate", metavar="METHODS", help="match its pairs with these, separated by commas: "
-                       "each while others are rendered, and then what is left")
-    batch.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
-                       help="option of your own matcher, which --evaluate then names as own:NAME; may repeat")
-    batch.add_argument("--evaluator", metavar="PYTHON", help="Python that matches them (this Python)")
-    batch.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
-                       help="another camera response to match them with than they were rendered for")
-    batch.add_argument("--dask", metavar="ADDRESS", help="render on the Dask cluster whose scheduler is there, as in "
-                       "tcp://host:8786, or on N of its processes here with local:N")
-    _add_worker_options(batch)
-    batch.set_defaults(run=_run_batch)
+def add_batch_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``batch``."""
+    parser.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
+    parser.add_argument("--out", type=as_path, required=True, metavar="DATASET", help="folder of the data set")
+    parser.add_argument("--evaluate", metavar="METHODS", help="match its pairs with these, separated by commas: "
+                        "each while others are rendered, and then what is left")
+    parser.add_argument("--own", action="append", default=[], metavar="NAME:METHOD:KEY=VALUE",
+                        help="option of your own matcher, which --evaluate then names as own:NAME; may repeat")
+    parser.add_argument("--evaluator", metavar="PYTHON", help="Python that matches them (this Python)")
+    parser.add_argument("--set", action="append", default=[], metavar="sensor.KEY=VALUE",
+                        help="another camera response to match them with than they were rendered for")
+    parser.add_argument("--dask", metavar="ADDRESS", help="render on the Dask cluster whose scheduler is there, as in "
+                        "tcp://host:8786, or on N of its processes here with local:N")
+    _add_worker_options(parser)
+    parser.set_defaults(run=_run_batch)
 
-    work = verbs.add_parser("work", help="render a shard of a data set that icymoon batch or slurm has planned")
-    work.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
-    work.add_argument("--shard", default="1/1", metavar="I/N", help="shard I of N, counted from 1 (%(default)s)")
-    _add_worker_options(work)
-    work.set_defaults(run=_run_work)
 
-    slurm = verbs.add_parser("slurm", help="write the job script that renders a data set on a cluster with SLURM")
-    slurm.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
-    slurm.add_argument("--out", type=as_path, required=True, metavar="DATASET", help="folder that all machines see")
-    slurm.add_argument("--shards", type=int, required=True, metavar="N", help="shards, each a job of the array")
-    slurm.add_argument("--at-once", type=int, default=0, metavar="N", help="shards that run at the same time (all)")
-    slurm.add_argument("--cpus", type=int, default=8, metavar="N", help="processors of each (%(default)s)")
-    slurm.add_argument("--memory", default="8G", help="memory of each (%(default)s)")
-    slurm.add_argument("--time", default="04:00:00", help="time of each; what is left then is requeued (%(default)s)")
-    slurm.add_argument("--sbatch", action="append", default=[], metavar="OPTION",
-                       help="further option of sbatch, as in --sbatch=--partition=long; may repeat")
-    slurm.add_argument("--python", default=sys.executable, help="Python on the cluster's machines (this Python)")
-    slurm.add_argument("--blender", default=sys.executable, help="Blender there, or a Python with bpy (this Python)")
-    slurm.set_defaults(run=_run_slurm)
+def add_work_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``work``."""
+    parser.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
+    parser.add_argument("--shard", default="1/1", metavar="I/N", help="shard I of N, counted from 1 (%(default)s)")
+    _add_worker_options(parser)
+    parser.set_defaults(run=_run_work)
 
-    check = verbs.add_parser("verify", help="check every file of a data set against its plan, if it has one, and what "
-                             "its pairs state, and print what is missing or wrong")
-    check.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
-    check.add_argument("--remove", action="store_true",
-                       help="remove broken pairs and leftovers, so that icymoon batch makes them again")
-    check.add_argument("--json", action="store_true", help="print JSON lines")
-    check.set_defaults(run=_run_verify)
+
+def add_slurm_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``slurm``."""
+    parser.add_argument("plan", help="plan of the data set: a TOML file, or the name of a shipped one")
+    parser.add_argument("--out", type=as_path, required=True, metavar="DATASET", help="folder that all machines see")
+    parser.add_argument("--shards", type=int, required=True, metavar="N", help="shards, each a job of the array")
+    parser.add_argument("--at-once", type=int, default=0, metavar="N", help="shards that run at the same time (all)")
+    parser.add_argument("--cpus", type=int, default=8, metavar="N", help="processors of each (%(default)s)")
+    parser.add_argument("--memory", default="8G", help="memory of each (%(default)s)")
+    parser.add_argument("--time", default="04:00:00", help="time of each; what is left then is requeued (%(default)s)")
+    parser.add_argument("--sbatch", action="append", default=[], metavar="OPTION",
+                        help="further option of sbatch, as in --sbatch=--partition=long; may repeat")
+    parser.add_argument("--python", default=sys.executable, help="Python on the cluster's machines (this Python)")
+    parser.add_argument("--blender", default=sys.executable, help="Blender there, or a Python with bpy (this Python)")
+    parser.set_defaults(run=_run_slurm)
+
+
+def add_verify_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``verify``."""
+    parser.add_argument("dataset", type=as_path, metavar="DATASET", help="folder of the data set")
+    parser.add_argument("--remove", action="store_true",
+                        help="remove broken pairs and leftovers, so that icymoon batch makes them again")
+    parser.add_argument("--json", action="store_true", help="print JSON lines")
+    parser.set_defaults(run=_run_verify)
 
 
 def _add_worker_options(parser: argparse.ArgumentParser) -> None:
@@ -88,14 +93,8 @@ def _add_worker_options(parser: argparse.ArgumentParser) -> None:
     add_cards_option(parser)
     parser.add_argument("--scenes-per-worker", type=int, default=50, metavar="N",
                         help="scenes after which a process is replaced by a fresh one (%(default)s)")
-    parser.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
+    add_blender_option(parser)
     parser.add_argument("--json", action="store_true", help="print what happens as JSON lines")
-
-
-def add_cards_option(parser: argparse.ArgumentParser) -> None:
-    """Add ``--cards`` to the options of a verb that renders."""
-    parser.add_argument("--cards", default="", metavar="N,N", help="graphics cards for scenes with quality.device GPU, "
-                        "numbered as icymoon doctor lists them; each worker takes one (ICYMOON_CARDS, or all)")
 
 
 def parse_workers(options: argparse.Namespace) -> WorkerOptions:
@@ -180,8 +179,8 @@ def _run_batch(options: argparse.Namespace) -> int:
             if frozen.note:
                 say("warning", message=frozen.note)
             status = render(dataset, list(frozen.pairs), how, say, options.dask)
-    some = len(frozen.find_missing(dataset)) < len(frozen.pairs)
-    failed = _evaluate(dataset, options) if options.evaluate and some else 0
+    some = options.evaluate and any(is_complete(pair.folder(dataset)) for pair in frozen.pairs)
+    failed = _evaluate(dataset, options) if some else 0
     return _report_status(status, dataset, options.json) or failed
 
 

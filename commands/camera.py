@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -45,15 +44,13 @@ class _Eye:
     size_px: tuple[int, int]
 
 
-def add_verb(verbs: Any) -> None:
-    """Add the verb to the command line's parser."""
-    camera = verbs.add_parser("camera", help="print the rig of two calibrated cameras as settings (CAHV, CAHVOR, "
-                              "CAHVORE, or YAML of ROS)")
-    camera.add_argument("left", type=as_path, help="the left camera: a .cahvor file, a PDS3 label, or ROS' YAML")
-    camera.add_argument("right", type=as_path, help="the right camera")
-    camera.add_argument("--most-px", type=float, default=FIT_LIMIT_PX, metavar="PX",
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``camera``."""
+    parser.add_argument("left", type=as_path, help="the left camera: a .cahvor file, a PDS3 label, or ROS' YAML")
+    parser.add_argument("right", type=as_path, help="the right camera")
+    parser.add_argument("--most-px", type=float, default=FIT_LIMIT_PX, metavar="PX",
                         help="largest error of a lens that can only be fitted (%(default)s)")
-    camera.set_defaults(run=_run_camera)
+    parser.set_defaults(run=_run_camera)
 
 
 def _run_camera(options: argparse.Namespace) -> int:
@@ -84,7 +81,8 @@ def read_rig(left: Path, right: Path, most_px: float = FIT_LIMIT_PX) -> tuple[Se
         sizes = " and ".join(f"{eye.size_px[0]} x {eye.size_px[1]} px" for eye in (first, second))
         raise IcyMoonError(f"{where} have images of {sizes}, and both eyes of a rig here have one size; rectify their "
                            "images first.")
-    _check_parallel(first, second, where)
+    _check_parallel(first, second, where, "calibrate both eyes as a stereo pair" if of_ros[0] else
+                    "rectify their images first")
     baseline_m, doubt = _baseline(first, second, "the fourth number of projection_matrix is -fx times the baseline"
                                   if of_ros[0] else "the vector C is")
     lens, averaged = _mean_lens(first.lens, second.lens, width, where)
@@ -106,38 +104,74 @@ def _read_eye(path: Path, most_px: float) -> _Eye:
 
 
 def _read_ros_eyes(left: Path, right: Path) -> tuple[_Eye, _Eye, list[str]]:
-    """Two cameras in the axes of the rectified left one, and a sentence if they are those of the rectified images.
-
-    Pixels that are no squares are so in the images of the camera only: those of rectified images are.
-    """
+    """Two cameras in the axes of the rectified left one, and sentences if they are those of the rectified images, or of
+    a part of the images that were calibrated."""
     cameras = [(path, read_ros_camera(path)) for path in (left, right)]
     for path, camera in cameras:
         for name, matrix in (("camera_matrix", camera.matrix), ("projection_matrix", camera.projection)):
             if not (matrix[0, 0] > 0 and matrix[1, 1] > 0):
                 raise IcyMoonError(f"{path}: {name} has no focal length; calibrate both eyes as a stereo pair.")
-    odd = next((camera.matrix for _, camera in cameras if not _has_squares(camera.matrix)), None)
-    taken = [] if odd is None else [
+    reason = _why_rectified(*(camera for _, camera in cameras))
+    notes = [] if reason is None else [
         "This is the rig of the rectified images, with the focal length and the principal point of projection_matrix "
-        f"and no distortion: pixels of camera_matrix are no squares ({_focal_lengths(odd)})."]
-    first, second = (_ros_eye(path, camera, odd is not None) for path, camera in cameras)
+        f"and no distortion: {reason}."]
+    of_left, of_right = (camera for _, camera in cameras)
+    if (of_left.window, of_left.binning) != (of_right.window, of_right.binning):
+        raise IcyMoonError(f"{left} and {right} have another binning or roi each, and both eyes of a rig here read out "
+                           "alike; write the same binning_x, binning_y and roi into both.")
+    if of_left.window or of_left.binning != (1, 1):
+        notes.append(f"The binning and the roi of the calibration are applied: images have {of_left.width_px} x "
+                     f"{of_left.height_px} px.")
+    first, second = (_ros_eye(path, camera, reason is not None) for path, camera in cameras)
     if not np.linalg.norm(second.centre_m - first.centre_m) > 0:
         raise IcyMoonError(f"{right}: projection_matrix states no baseline (-f B, its fourth number); calibrate both "
                            "eyes as a stereo pair.")
-    return first, second, taken
+    return first, second, notes
+
+
+def _why_rectified(left: RosCamera, right: RosCamera) -> str | None:
+    """What the images of two cameras have that no rig here has, and their rectified images have not; None if nothing.
+
+    The rotations of both eyes are into the axes of the rectified pair.
+    """
+    for camera in (left, right):
+        if not _has_squares(camera.matrix):
+            return f"pixels of camera_matrix are no squares ({_focal_lengths(camera.matrix)})"
+        if camera.k is None:
+            return f"the lens model is {camera.model}"
+    turned = _angle(left.rectification, right.rectification)
+    if turned > _PARALLEL_RAD:
+        return f"the eyes are turned against each other by {np.degrees(turned):.3g} degrees"
+    x, y, z = map(float, left.rectification.T @ (_place(right) - _place(left)))
+    if max(abs(y), abs(z)) > _ASIDE * abs(x):
+        return (f"the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and {z:.4g} m before it, so "
+                "they are not side by side")
+    return None
+
+
+def _place(camera: RosCamera) -> np.ndarray:
+    """Where a camera is (3,), in the axes of the rectified pair and in metres."""
+    return np.array([*(-camera.projection[row, 3] / camera.projection[row, row] for row in range(2)), 0.0])
 
 
 def _ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
     """A camera as it is, or that of its rectified images. Raises IcyMoonError if their pixels are no squares."""
     if rectified and not _has_squares(camera.projection):
+        fix = ("calibrate both eyes as a stereo pair, which gives projection_matrix one focal length"
+               if camera.binning[0] == camera.binning[1] else
+               "bin as many pixels along x as along y, and set binning_x and binning_y to that")
         raise IcyMoonError(f"{path}: its pixels are no squares, in projection_matrix too "
-                           f"({_focal_lengths(camera.projection)}), which Icy Moon's cameras cannot be; calibrate both "
-                           "eyes as a stereo pair, which gives projection_matrix one focal length.")
+                           f"({_focal_lengths(camera.projection)}), which Icy Moon's cameras cannot be; {fix}.")
     matrix = camera.projection if rectified else camera.matrix
-    lens = Lens((matrix[0, 0] + matrix[1, 1]) / 2, matrix[0, 2], matrix[1, 2],
-                (0.0,) * len(COEFFICIENTS) if rectified else camera.k, 0.0)
-    place = np.array([*(-camera.projection[k, 3] / camera.projection[k, k] for k in range(2)), 0.0])
-    return _Eye(path, lens, np.eye(3) if rectified else camera.rectification.T, place,
+    k = None if rectified else camera.k
+    lens = Lens((matrix[0, 0] + matrix[1, 1]) / 2, matrix[0, 2], matrix[1, 2], k or (0.0,) * len(COEFFICIENTS), 0.0)
+    return _Eye(path, lens, np.eye(3) if rectified else camera.rectification.T, _place(camera),
                 (camera.width_px, camera.height_px))
+
+
+def _angle(first: np.ndarray, second: np.ndarray) -> float:
+    """By how much two rotations (3, 3) differ, rad."""
+    return float(np.arccos(np.clip(((first @ second.T).trace() - 1) / 2, -1, 1)))
 
 
 def _has_squares(matrix: np.ndarray) -> bool:
@@ -183,14 +217,15 @@ def _mean_lens(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens
                   f"({right.cx_px:.2f}, {right.cy_px:.2f}) px, distortion that differs by up to {bent:.2g} px."]
 
 
-def _check_parallel(left: _Eye, right: _Eye, where: str) -> None:
-    """Raise IcyMoonError unless the right eye stands on the x axis of the left one, and looks where it looks."""
+def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
+    """Raise IcyMoonError unless the right eye stands on the x axis of the left one, and looks where it looks; ``fix``
+    is what makes it so."""
     first, second = left.rotation, right.rotation
-    turned = float(np.arccos(np.clip(((first @ second.T).trace() - 1) / 2, -1, 1)))
+    turned = _angle(first, second)
     x, y, z = map(float, first @ (right.centre_m - left.centre_m))
     if turned > _PARALLEL_RAD:
         raise IcyMoonError(f"{where}: the eyes are turned against each other by {np.degrees(turned):.3g} degrees; "
-                           "rectify their images first.")
+                           f"{fix}.")
     aside = max(abs(y), abs(z)) > _ASIDE * abs(x)
     if x < 0 and not aside:
         raise IcyMoonError(f"{right.path} stands {-x:.4g} m to the left of {left.path}, so it is the left eye; give it "
@@ -200,6 +235,6 @@ def _check_parallel(left: _Eye, right: _Eye, where: str) -> None:
                            "side; turn the images of both by 90 degrees and calibrate them again.")
     if aside:
         raise IcyMoonError(f"{where}: the right eye is {x:.4g} m to the right of the left one, {y:.4g} m below and "
-                           f"{z:.4g} m before it, so they are not side by side; rectify their images.")
+                           f"{z:.4g} m before it, so they are not side by side; {fix}.")
     if x == 0:
         raise IcyMoonError(f"{where}: both eyes are at one place; give the calibrations of two cameras.")

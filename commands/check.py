@@ -9,11 +9,9 @@ from __future__ import annotations
 import argparse
 import math
 import os
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,6 +23,7 @@ from ..settings.description import check, defaults, merged
 from ..support.printer import say
 from ..terminal import show_progress
 from ..typed_settings import Parts
+from .renderer_options import add_blender_option
 
 #: Level ground with patches of 8 cm that are up to a quarter darker, seen from 1.5 m by a small camera.
 _ALBEDO, _DARKER = 0.7, 0.25
@@ -40,10 +39,9 @@ _SCENE: Parts = {
 _MOST = {"depth": 1e-4, "light": 0.03, "sgbm": 0.3}
 
 
-def add_verb(verbs: Any) -> None:
-    """Add the verb to the command line's parser."""
-    parser = verbs.add_parser("check", help="render and measure a small pair whose truth is known: does all work?")
-    parser.add_argument("--blender", default=sys.executable, help="Blender, or a Python with bpy (this Python)")
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``check``."""
+    add_blender_option(parser)
     parser.set_defaults(run=_run_check)
 
 

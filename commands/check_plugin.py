@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Collection, Iterator
-from typing import Any
 
 from ..errors import IcyMoonError
 from ..physics.terrain.landforms.check_plugin import check_landform
@@ -15,12 +14,10 @@ from ..suggestions import nearest
 from ..support.printer import say
 
 
-def add_verb(verbs: Any) -> None:
-    """Add the verb to the command line's parser."""
-    verb = verbs.add_parser("check-plugin", help="try a plug-in that is installed in this Python, and print what it "
-                            "lacks")
-    verb.add_argument("name", nargs="?", metavar="NAME", help="name of the plug-in or of its package (list all)")
-    verb.set_defaults(run=_run)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``check-plugin``."""
+    parser.add_argument("name", nargs="?", metavar="NAME", help="name of the plug-in or of its package (list all)")
+    parser.set_defaults(run=_run)
 
 
 def find_all() -> dict[str, Found]:

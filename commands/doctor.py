@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib.util
 import shutil
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,7 @@ from ..render.workers.process import clean_environment
 from ..support.foreign_bytes import parse_json
 from ..support.printer import print_table
 from ..system import run
+from .renderer_options import add_blender_option
 
 #: The subject of the finding that names the matchers of plug-ins.
 PLUGINS = "Matchers of plug-ins"
@@ -30,6 +33,13 @@ class Finding:
     fact: str
     fix: str = ""
     names: tuple[str, ...] = ()  # of the matchers of plug-ins
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``doctor``."""
+    add_blender_option(parser)
+    parser.add_argument("--evaluator", default=sys.executable, help="Python of the evaluator (this Python)")
+    parser.set_defaults(run=lambda options: examine(options.blender, options.evaluator))
 
 
 def _check_evaluator(python: str) -> dict[str, Any]:

@@ -22,17 +22,17 @@ from ..support.printer import emit, say, warn
 from ..terminal import as_path, show_count
 
 
-def add_verbs(verbs: Any) -> None:
-    """Add the verb to the command line's parser."""
-    plan = verbs.add_parser("plan", help="list the pairs that a plan of a data set asks for, or what they will take")
-    plan.add_argument("plan", nargs="?", help="TOML file, or the name of a shipped plan; without one these are listed")
-    plan.add_argument("--dry-run", action="store_true", help="print how many pairs there are and what they will take")
-    plan.add_argument("--out", type=as_path, metavar="DATASET",
-                      help="folder of the data set; its pairs are counted, and what they took is learnt from")
-    plan.add_argument("--blender", help="Blender, or a Python with bpy, that is to render it: a dry run asks it "
-                      "whether it can (this Python, if it has bpy)")
-    plan.add_argument("--json", action="store_true", help="print JSON lines")
-    plan.set_defaults(run=_run_plan)
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``plan``."""
+    parser.add_argument("plan", nargs="?",
+                        help="TOML file, or the name of a shipped plan; without one these are listed")
+    parser.add_argument("--dry-run", action="store_true", help="print how many pairs there are and what they will take")
+    parser.add_argument("--out", type=as_path, metavar="DATASET",
+                        help="folder of the data set; its pairs are counted, and what they took is learnt from")
+    parser.add_argument("--blender", help="Blender, or a Python with bpy, that is to render it: a dry run asks it "
+                        "whether it can (this Python, if it has bpy)")
+    parser.add_argument("--json", action="store_true", help="print JSON lines")
+    parser.set_defaults(run=_run_plan)
 
 
 def check_plan(plan: Plan) -> None:

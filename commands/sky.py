@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import IcyMoonError
 from ..physics.light.ephemeris import date_text, parse_date
+from ..physics.light.scene_sun import described_by
 from ..physics.light.sky import check_body, sky, sky_facts
 from ..settings.description import check, merged
 from ..settings.preset_files import preset_names
@@ -23,9 +24,8 @@ _COLUMNS = ("Date (UTC)", "Sun el.°", "az.°", "W/m²", "level", "hidden %", "P
             "W/m²", "level")
 
 
-def add_verb(verbs: Any) -> None:
-    """Add the verb to the command line's parser."""
-    parser = verbs.add_parser("sky", help="print Sun, planet and eclipse over a site at a date, without a render")
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``sky``."""
     add_scene_options(parser)
     parser.add_argument("--body", help="light.body with its preset: ENCELADUS or EUROPA; or any that the kernels "
                         "cover, whose planet --set light.parent=NAME names")
@@ -50,12 +50,15 @@ def _run_sky(options: argparse.Namespace) -> int:
     settings = merged(read_settings(options), check(
         {"light": {key: value for key, value in stated.items() if value is not None}}, "sky"))
     if options.body is None:
-        check_body(settings)
+        name = settings.light.body.strip().upper()
+        check_body(settings, f"give --body {name} for the sky of {name.title()}, with its preset, or set light.body to "
+                             "what the ground is of.")
     rows = []
     for date in _dates(settings.light.date_utc, settings.light.directions_from, options.hours, options.every):
         light = merged(settings, {"light": {"date_utc": date}}).light
         dated = light.directions_from != "ANGLES"
         facts = sky_facts(sky(light))
+        facts["sun"] = described_by(facts["sun"], light.directions_from).to_json()
         if options.json:
             emit_json({"date_utc": date if dated else None, "body": light.body, **facts})
         rows.append(_row(date.replace("T", " ").removesuffix(":00") if dated else "by angles", facts))
@@ -64,7 +67,7 @@ def _run_sky(options: argparse.Namespace) -> int:
         where = f"{light.body.title()}, {light.latitude_deg:g}° N, {light.longitude_deg:g}° E, by " + (
             "SPICE kernels. " if light.directions_from == "KERNELS" else "mean orbits. ") if dated else ""
         say(f"{where}W/m² are on a surface that faces the light, and on level ground. Hidden is the share of the Sun's "
-            "disc behind the planet.")
+            "disc behind the planet; its W/m² are without that share, and 0 by night.")
     return 0
 
 

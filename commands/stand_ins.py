@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
 from ..errors import IcyMoonError
 from ..paper_stand_ins.cached_files import make_files, relief_m
@@ -13,10 +12,8 @@ from ..support.printer import say
 from ..terminal import as_path
 
 
-def add_verbs(verbs: Any) -> None:
-    """Add the verb to the command line's parser."""
-    parser = verbs.add_parser("stand-ins", help="list the textures and meshes made by code in place of the GUISS "
-                              "paper's, or write them to a folder")
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``stand-ins``."""
     parser.add_argument("names", nargs="*", metavar="NAME", help="stand-ins such as powder_snow (all)")
     parser.add_argument("--out", type=as_path, metavar="FOLDER", help="write their files here, each into a folder")
     parser.set_defaults(run=_run)

@@ -280,7 +280,12 @@ def check_decodable(foreign: ForeignBytes, tiles: bool = False) -> list[Part]:
 
 def is_whole(path: Path) -> bool:
     """True if every chunk of a scan-line EXR file, of one part or several, lies within the file."""
+    return bool(read_sizes(path))
+
+
+def read_sizes(path: Path) -> set[tuple[int, int]]:
+    """Columns and rows of the parts of a scan-line EXR file; none if it is not whole."""
     try:
-        return bool(read(path, read_layout, KIND, "write it again", most=MOST_BYTES))
+        return {part.shape[::-1] for part in read(path, read_layout, KIND, "write it again", most=MOST_BYTES)}
     except IcyMoonError:
-        return False
+        return set()

@@ -2,7 +2,9 @@
 
 Each has the matrix K and the distortion of a camera (plumb_bob: k1, k2, p1, p2, k3), and the rotation R and the matrix
 P of the rectified pair; the right eye's P contains -f B (sensor_msgs/CameraInfo). Pixels are counted from the centre of
-the first one. Only this subset of YAML is read: mappings by indentation, with numbers, words and lists in brackets.
+the first one. Where ``roi`` and ``binning`` say that images are a binned part of those that were calibrated, K and P
+become those of the images, as in ROS' image_geometry. Only this subset of YAML is read: mappings by indentation, with
+numbers, words and lists in brackets.
 """
 
 from __future__ import annotations
@@ -20,23 +22,34 @@ from ..support.foreign_bytes import ForeignBytes, RefusedError, read
 _MOST_BYTES = 2**16
 _KEY = re.compile(r"( *)([A-Za-z_]\w*):(.*)")
 _FIX = "give the YAML file that ROS' camera_calibration wrote for this eye"
+#: How many coefficients a lens model has. A fifth of plumb_bob is 0 where it is left out, as in OpenCV.
+_COEFFICIENTS = {"plumb_bob": (5, 4), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
+#: Most pixels along a side that make one; cameras bin up to 16.
+_MOST_BINNED = 64
+#: By how much the product of a rotation and its transpose may be off, for files with few digits.
+_TURNED = 1e-3
 
 
 @dataclass(frozen=True)
 class RosCamera:
-    """A camera: its matrix K (3, 3), distortion ``k`` (k1, k2, p1, p2, k3), the rotation R (3, 3) into the axes of the
-    rectified pair, the matrix P (3, 4) there, and the size of its images."""
+    """A camera: its matrix K (3, 3), the name of its lens model, distortion ``k`` (k1, k2, p1, p2, k3; None for other
+    models than plumb_bob), the rotation R (3, 3) into the axes of the rectified pair, the matrix P (3, 4) there, the
+    size of its images, which part of those that were calibrated they are (corner, width and height; None for whole
+    ones), and how many pixels along x and y make one of theirs."""
 
     matrix: np.ndarray
-    k: tuple[float, ...]
+    model: str
+    k: tuple[float, ...] | None
     rectification: np.ndarray
     projection: np.ndarray
     width_px: int
     height_px: int
+    window: tuple[int, int, int, int] | None
+    binning: tuple[int, int]
 
 
 def read_ros_camera(path: Path) -> RosCamera:
-    """A calibration. Raises IcyMoonError if it is none, or of another lens than plumb_bob."""
+    """A calibration. Raises IcyMoonError if it is none, or of a lens model that ROS has not."""
     return read(path, _parse, "a calibration of ROS", _FIX, _MOST_BYTES)
 
 
@@ -45,15 +58,49 @@ def _parse(foreign: ForeignBytes) -> RosCamera:
     if text.startswith("%YAML:1.0"):
         raise RefusedError(f"is a calibration in the YAML of OpenCV, which is not read; {_FIX}.")
     stated = _parse_mapping(text)
-    model = stated.get("distortion_model", "plumb_bob")
-    if model != "plumb_bob":
-        raise RefusedError(f"has the lens model {str(model)[:40]!r}, and plumb_bob alone is read; calibrate the camera "
-                           "with it, or rectify its images first.")
-    k = _numbers(stated, "distortion_coefficients", 5)
-    size = [_whole(stated, key) for key in ("image_width", "image_height")]
-    return RosCamera(_numbers(stated, "camera_matrix", 9).reshape(3, 3), tuple(map(float, k)),
-                     _numbers(stated, "rectification_matrix", 9).reshape(3, 3),
-                     _numbers(stated, "projection_matrix", 12).reshape(3, 4), *size)
+    model = str(stated.get("distortion_model", "plumb_bob"))
+    if model not in _COEFFICIENTS:
+        raise RefusedError(f"has the lens model {model[:40]!r}, and {', '.join(_COEFFICIENTS)} alone are read; "
+                           "calibrate the camera with one of them.")
+    k = _numbers(stated, "distortion_coefficients", *_COEFFICIENTS[model])
+    rotation = _numbers(stated, "rectification_matrix", 9).reshape(3, 3)
+    if not np.abs(rotation @ rotation.T - np.eye(3)).max() < _TURNED or np.linalg.det(rotation) < 0:
+        raise ValueError("rectification_matrix is no rotation")
+    matrices = (_numbers(stated, "camera_matrix", 9).reshape(3, 3),
+                _numbers(stated, "projection_matrix", 12).reshape(3, 4))
+    whole = 0, 0, _whole(stated, "image_width"), _whole(stated, "image_height")
+    window, binning = _window(stated.get("roi", {}), whole), (_binning(stated, "binning_x"),
+                                                              _binning(stated, "binning_y"))
+    for matrix in matrices:
+        matrix[:2, 2] -= window[:2]
+        matrix[:2] /= np.array(binning)[:, None]
+    width, height = window[2] // binning[0], window[3] // binning[1]
+    return RosCamera(matrices[0], model, (*map(float, k), 0.0)[:5] if model == "plumb_bob" else None, rotation,
+                     matrices[1], width, height, window if window != whole else None, binning)
+
+
+def _window(roi: Any, whole: tuple[int, int, int, int]) -> tuple[int, int, int, int]:
+    """The part of the calibrated images that is read out: its corner, its width and its height."""
+    if not isinstance(roi, dict):
+        raise RefusedError("has a roi in one line, which is not read; write each of its keys in a line of its own, "
+                           "indented.")
+    x, y, wide, high = (_whole(roi, key, least=0) if key in roi else 0
+                        for key in ("x_offset", "y_offset", "width", "height"))
+    if not (x or y or wide or high):
+        return whole
+    width, height = whole[2:]
+    if not (0 < wide <= width - x and 0 < high <= height - y):
+        raise RefusedError(f"has a roi of {wide} x {high} px at ({x}, {y}), which is no part of images of {width} x "
+                           f"{height} px; correct it, or remove roi for whole images.")
+    return x, y, wide, high
+
+
+def _binning(stated: dict[str, Any], key: str) -> int:
+    """How many pixels make one; 0 means none, as 1 does."""
+    count = max(_whole(stated, key, least=0), 1) if key in stated else 1
+    if count > _MOST_BINNED:
+        raise RefusedError(f"has {key} of {count}, and at most {_MOST_BINNED} pixels are read as one; correct it.")
+    return count
 
 
 def _parse_mapping(text: str) -> dict[str, Any]:
@@ -87,16 +134,16 @@ def _value(text: str) -> Any:
     return text.strip("'\"")
 
 
-def _numbers(stated: dict[str, Any], key: str, count: int) -> np.ndarray:
+def _numbers(stated: dict[str, Any], key: str, *counts: int) -> np.ndarray:
     table = stated.get(key)
     values = table.get("data") if isinstance(table, dict) else table
-    if not isinstance(values, list) or len(values) != count or not np.isfinite(values).all():
-        raise ValueError(f"{key} has not {count} numbers")
+    if not isinstance(values, list) or len(values) not in counts or not np.isfinite(values).all():
+        raise ValueError(f"{key} has not {' or '.join(map(str, counts))} numbers")
     return np.array(values)
 
 
-def _whole(stated: dict[str, Any], key: str) -> int:
+def _whole(stated: dict[str, Any], key: str, least: int = 1) -> int:
     text = str(stated.get(key, ""))
-    if not text.isascii() or not text.isdecimal() or not 0 < int(text[:9]) < 2**20:
+    if not text.isascii() or not text.isdecimal() or not least <= int(text[:9]) < 2**20:
         raise ValueError(f"{key} is {text[:40]!r}, not a number of pixels")
     return int(text)

@@ -22,6 +22,7 @@ from ..physics.camera import blur
 from ..physics.camera.stereo_geometry import rounding_advice
 from ..physics.excavation.jitter import jittered_rig
 from ..physics.excavation.unsupported_rocks import settle_rocks
+from ..physics.light.map_sky import doubt_sky
 from ..physics.mesh.fine_relief import displacement_advice, nearest_m
 from ..physics.mesh.graded_ground import Graded
 from ..physics.mesh.height_surface import Surface
@@ -215,7 +216,7 @@ def _build_objects(settings: Settings, meshed: MeshedGround | None) -> tuple[
     if own is not None:
         if settings.rocks.coverage > 0:
             refused_scenes.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
-        warnings += own.warnings
+        warnings += [*own.warnings, *doubt_sky(settings.light, own.map_place)]
     else:
         warnings += terrain_advice(settings, site_wavelength_m(settings.terrain, ground))
         warnings += ground.advice(settings) if isinstance(ground, Graded) else []

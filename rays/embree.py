@@ -32,6 +32,9 @@ _ORIGIN, _NEAR, _DIRECTION, _TIME, _FAR, _MASK, _U, _V, _TRIANGLE, _SHAPE, _PLAC
 _MOST_PACKETS = 2**15
 
 
+Library = ctypes.CDLL
+
+
 class _Arguments(ctypes.Structure):
     """RTCIntersectArguments and RTCOccludedArguments, which have the same fields."""
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
-from .embree import EmbreeTracer, load_library
+from .embree import EmbreeTracer, Library, load_library
 from .shapes import World
 from .surface import Tracer
 
 
 @lru_cache
-def _library(folders: tuple[Path, ...]) -> ctypes.CDLL | None:
+def _library(folders: tuple[Path, ...]) -> Library | None:
     return load_library(folders)
 
 

@@ -14,8 +14,8 @@ class Shape:
     """Triangles in the coordinates of an object, in metres.
 
     ``vertices`` (n, 3) float32 and ``triangles`` (m, 3) uint32. ``smooth`` (m,) triangles are shaded with normals
-    between those of their vertices. ``label`` (m,) uint8 says what a triangle is of. ``passing`` (n,) float32 is the
-    share of light that goes through at a vertex; None where nothing does.
+    between those of their vertices. ``label`` (m,) uint8 is the kind of object that a triangle belongs to. ``passing``
+    (n,) float32 is the share of light that goes through at a vertex; None where nothing does.
     """
 
     vertices: np.ndarray

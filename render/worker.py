@@ -10,6 +10,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
@@ -20,19 +21,18 @@ from .. import scene_properties
 from ..errors import DiskError, IcyMoonError
 from ..nodes import painted_errors
 from ..nodes.scene import Built, extra, find, separate_copies
-from ..settings.description import check, defaults, merged, restored
+from ..settings.description import check, defaults, merged, overlaid
 from ..support.printer import emit
 from ..system import end_at_interrupt
 from ..typed_settings import Settings
 from . import baked_light
 from .cycles_errors import first_line
-from .pairs.our_files import checked_id
 from .pairs.pair_folder import is_complete
 from .plans.planned_pair import PlannedPair, expand_headings
 from .render_pair import check_space, render_pair
 from .scene_source import FixedScene, ScenesFromSettings
 from .workers.claims import Claims
-from .workers.job import read_job
+from .workers.job import read_job, read_planned_pairs
 from .workers.memory import describe_shortage
 from .workers.shared_light import SharedLight
 
@@ -107,10 +107,8 @@ def _render_one(source: FixedScene | ScenesFromSettings, planned: PlannedPair, d
 def pairs_of_job(job: dict[str, Any]) -> list[PlannedPair]:
     """The pairs of a job, with the threads that it states."""
     if job.get("pairs"):
-        described = [(checked_id(pair["id"], "The job"), restored(pair["settings"], "job"))
-                     for pair in job["pairs"]]
         threads = check({"quality": {"threads": job["threads"]}} if job.get("threads") is not None else {}, "job")
-        return [PlannedPair(name, merged(settings, threads), 0.0) for name, settings in described]
+        return [replace(pair, settings=overlaid(pair.settings, threads)) for pair in read_planned_pairs(job)]
     settings = merged(defaults(), check(job["settings"], "job"))
     # Each pair is built as it is described: there is nothing that has to be turned.
     return [PlannedPair(pair.id, pair.settings, 0.0)
@@ -119,8 +117,9 @@ def pairs_of_job(job: dict[str, Any]) -> list[PlannedPair]:
 
 def _first_settings(job: dict[str, Any]) -> Settings:
     """The settings of a job's scene, or of its first."""
-    stated = job["pairs"][0]["settings"] if job.get("pairs") else job.get("settings", {})
-    return merged(defaults(), check(stated, "job"))
+    if job.get("pairs"):
+        return read_planned_pairs({**job, "pairs": job["pairs"][:1]})[0].settings
+    return merged(defaults(), check(job.get("settings", {}), "job"))
 
 
 def _repeat_text(job: dict[str, Any]) -> str:

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import marshal
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -33,6 +34,13 @@ from .table import TOPICS, Setting, Value
 MIN_SIMILARITY = 0.4
 #: Single precision rounds to infinity from here on: its largest number and half a step.
 _INFINITE = 2.0**128 - 2.0**103
+#: Tables that are remembered at the most while many descriptions are read.
+_MOST_KNOWN = 2000
+#: The version of ``marshal`` in which equal values give equal bytes.
+_WITHOUT_REFERENCES = 2
+#: Tables by topic, in which the settings of a description are collected.
+Tables = dict[str, dict[str, Any]]
+Made = TypeVar("Made")
 
 
 def defaults() -> Settings:
@@ -130,8 +138,32 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
     are kept. Raises IcyMoonError for an unknown topic or key, a wrong type, a value out of range, or a text that only
     the user may set (see ``trust_boundary``).
     """
-    checked: dict[str, dict[str, Any]] = {}
-    for topic, key, value in _stated(data, where, stored):
+    return with_releases(typed(_joined(_check_table(topic, values, where, stored) for topic, values in data.items())))
+
+
+def _joined(parts: Iterable[Tables]) -> Tables:
+    """The tables of descriptions in one; of a setting that several state, the last value."""
+    tables: Tables = {}
+    for part in parts:
+        for topic, values in part.items():
+            tables.setdefault(topic, {}).update(values)
+    return tables
+
+
+def _check_table(topic: str, values: Any, where: str, stored: bool) -> Tables:
+    """The settings of one table of a description, by their present topics, see ``check``."""
+    if topic.startswith(PREFIX) and topic not in TOPICS:
+        if not isinstance(values, Mapping) or not stored:
+            raise IcyMoonError(f"{where}: {missing_landform(topic, '')}")
+        kept = kept_of_missing(topic, values, where)
+        return {topic: kept} if kept else {}
+    if topic not in TOPICS and not _was_topic(topic):
+        raise IcyMoonError(f"{where}: unknown topic [{shorten(topic)}], "
+                           f"{nearest_topic(topic, TOPICS, MIN_SIMILARITY)}")
+    if not isinstance(values, Mapping):
+        raise IcyMoonError(f"{where}: [{topic}] must be a table of settings, not {quote(values)}.")
+    checked: Tables = {}
+    for key, value in values.items():
         name = pair_ids.present_name(f"{topic}.{key}")
         if name in pair_ids.SCHEMA["gone"]:
             if stored:
@@ -143,28 +175,14 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
         setting = _setting(name, where)
         with suppress(IcyMoonError) if stored and setting.effect == "run" else nullcontext():
             checked.setdefault(name.partition(".")[0], {})[setting.key] = _checked(setting, value, name, where, stored)
-    for topic, values in data.items():
-        if topic.startswith(PREFIX) and topic not in TOPICS and (kept := kept_of_missing(topic, values, where)):
-            checked[topic] = kept
-        elif topic in TOPICS and TOPICS[topic].plugin and not stored:
-            check_release(topic, values, where)
-    return with_releases(typed(checked))
+    if topic in TOPICS and TOPICS[topic].plugin and not stored:
+        check_release(topic, values, where)
+    return checked
 
 
-def _stated(data: Mapping[str, Any], where: str, stored: bool) -> Iterator[tuple[str, str, Any]]:
-    """(topic, key, value) of everything in a description, but for stored landforms that are not installed here."""
-    former = {name.partition(".")[0] for name in (*pair_ids.SCHEMA["renamed"], *pair_ids.SCHEMA["gone"])}
-    for topic, values in data.items():
-        if topic.startswith(PREFIX) and topic not in TOPICS:
-            if not isinstance(values, Mapping) or not stored:
-                raise IcyMoonError(f"{where}: {missing_landform(topic, '')}")
-            continue
-        if topic not in TOPICS and topic not in former:
-            raise IcyMoonError(f"{where}: unknown topic [{shorten(topic)}], "
-                               f"{nearest_topic(topic, TOPICS, MIN_SIMILARITY)}")
-        if not isinstance(values, Mapping):
-            raise IcyMoonError(f"{where}: [{topic}] must be a table of settings, not {quote(values)}.")
-        yield from ((topic, key, value) for key, value in values.items())
+def _was_topic(topic: str) -> bool:
+    """Whether settings that are renamed or gone were of this topic."""
+    return any(name.startswith(f"{topic}.") for name in (*pair_ids.SCHEMA["renamed"], *pair_ids.SCHEMA["gone"]))
 
 
 def nearest_topic(topic: str, known: Iterable[str], cutoff: float = 0.5) -> str:
@@ -193,8 +211,49 @@ def restored(data: Mapping[str, Any], where: str, written_by: str = "") -> Setti
     Newer settings get the values with the effect of that version. ``written_by`` is the version. Raises IcyMoonError as
     ``check`` does; for a later version the error asks the user to update.
     """
-    with asking_to_update(where, written_by):
-        return merged(_before(), check(data, where, stored=True))
+    return Restorer()(data, where, written_by)
+
+
+class Restorer:
+    """``restored`` for many descriptions: a table that several have is checked once, and is one for all of them.
+
+    So these must not be changed.
+    """
+
+    def __init__(self) -> None:
+        self._before = _before()
+        self._checked: dict[tuple[str, bytes], Tables] = {}
+        self._whole: dict[tuple[str, bytes], Settings] = {}
+
+    def __call__(self, data: Mapping[str, Any], where: str, written_by: str = "") -> Settings:
+        """The complete settings, see ``restored``."""
+        with asking_to_update(where, written_by):
+            stated = _joined(self._check_once(topic, values, where) for topic, values in data.items())
+        whole = Settings(self._before)
+        for topic, values in stated.items():
+            whole |= self._complete_once(topic, values)
+        return whole
+
+    def _check_once(self, topic: str, values: Any, where: str) -> Tables:
+        return _made_once(self._checked, topic, values, lambda: _check_table(topic, values, where, stored=True))
+
+    def _complete_once(self, topic: str, values: Mapping[str, Any]) -> Settings:
+        """A table with what it does not state, by its topic."""
+        return _made_once(self._whole, topic, values,
+                          lambda: merged({topic: self._before.get(topic, {})}, {topic: values}))
+
+
+def _made_once(known: dict[tuple[str, bytes], Made], topic: str, values: Any, make: Callable[[], Made]) -> Made:
+    """What ``make`` makes of a table, or has made of another of the same content."""
+    try:
+        content = marshal.dumps(values, _WITHOUT_REFERENCES)
+    except ValueError:  # such as a date
+        return make()
+    if (topic, content) not in known:
+        if len(known) >= _MOST_KNOWN:
+            known.clear()
+        known[topic, content] = make()
+    return known[topic, content]
 
 
 def _before() -> Settings:
@@ -222,6 +281,11 @@ def merged(*parts: Parts) -> Settings:
         for topic, values in part.items():
             result.setdefault(topic, typed_table(topic, {})).update(typed_table(topic, values))
     return with_releases(result)
+
+
+def overlaid(base: Settings, part: Parts) -> Settings:
+    """``merged`` of a description and what differs from it. Tables that do not differ are those of ``base``."""
+    return Settings({**base, **merged({topic: base.get(topic, {}) for topic in part}, part)})
 
 
 def changed(settings: Mapping[str, Mapping[str, Value]], base: Mapping[str, Mapping[str, Value]]) -> Settings:

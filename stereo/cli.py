@@ -122,12 +122,6 @@ def _not_refused(name: str, found: Found) -> str:
     return name
 
 
-def stereo_verbs() -> list[str]:
-    """The verbs of ``python -m icymoon.stereo``."""
-    actions = (action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction))
-    return [verb for action in actions for verb in action.choices]
-
-
 def _run_check(parsed: argparse.Namespace) -> int:
     report = packages.check_packages()
     if report["ok"]:

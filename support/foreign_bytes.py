@@ -353,9 +353,10 @@ def parse_json(text: str | bytes) -> Any:
 
 
 def _parse_finite(text: str) -> float:
-    if not math.isfinite(float(text)):
+    number = float(text)
+    if number - number:  # which is 0 for every number; a call takes as long as all else here
         raise ValueError(f"{text[:40]} is no number")
-    return float(text)
+    return number
 
 
 def parse_toml(text: str) -> dict[str, Any]:

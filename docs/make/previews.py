@@ -19,7 +19,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from icymoon.commands.cli import render_settings
+from icymoon.commands.render_scenes import render_settings
 from icymoon.render.workers.job import python_command
 from icymoon.settings import description, preset_files
 from icymoon.stereo.images.develop import Channels

@@ -189,7 +189,7 @@ def _cli() -> str:
             "0 for success, 1 after an error, which reports its fix, 2 for a wrong command line, and 130 when "
             "stopped.\n")
     # The parsers are what the programs themselves use.
-    for title, parser in (("python -m icymoon", cli._make_parser()),
+    for title, parser in (("python -m icymoon", cli.make_parser()),
                           ("python -m icymoon.stereo", stereo_cli._parser())):
         text += f"\n## {title}\n\n{parser.description}\n"
         for name, (meaning, verb) in _verbs(parser).items():

@@ -22,6 +22,7 @@ from typing import TypeVar
 import numpy as np
 
 from ...files import shorten
+from ...number_text import count_of
 from ...support.foreign_bytes import Budget, ForeignBytes, RefusedError, parse_xml
 from .kinematics import pose, turn
 
@@ -100,7 +101,7 @@ class _Document:
             return self._find("visual_scene", named.get("url"))
         scenes = self.root.findall("library_visual_scenes/visual_scene")
         if len(scenes) != 1:
-            raise ValueError(f"it has {len(scenes)} scenes, and names none to be shown")
+            raise ValueError(f"it has {count_of(len(scenes), 'scene')}, and names none to be shown")
         return scenes[0]
 
     def _shown(self) -> Iterator[tuple[ElementTree.Element, np.ndarray]]:

@@ -103,8 +103,9 @@ def azimuth_deg(direction: np.ndarray) -> float:
 _RADIUS_DOUBT = 0.05
 
 
-def check_body(settings: Settings) -> None:
-    """Raise IcyMoonError if a date would give the ground of one body the sky of another."""
+def check_body(settings: Settings, fix: str = "set light.body to what this is, with kernels, or light.directions_from "
+               "to ANGLES.") -> None:
+    """Raise IcyMoonError if a date would give the ground of one body the sky of another; ``fix`` ends its sentence."""
     light, radius_km = settings.light, settings.terrain.body_radius_m / 1000.0
     body = BODIES.get(light.body.strip().upper())
     if light.directions_from == "ANGLES" or body is None:
@@ -112,8 +113,8 @@ def check_body(settings: Settings) -> None:
     own_km = math.prod(body.radii_km) ** (1 / 3)
     if abs(radius_km / own_km - 1) > _RADIUS_DOUBT:
         raise IcyMoonError(f"light.body is {light.body}, which has a radius of {own_km:.0f} km, but "
-                           f"terrain.body_radius_m is that of a body of {radius_km:.0f} km, which has another sky; set "
-                           "light.body to what this is, with kernels, or light.directions_from to ANGLES.")
+                           f"terrain.body_radius_m is that of a body of {radius_km:.0f} km, which has another "
+                           f"sky; {fix}")
 
 
 def sky(light: LightSettings, blend_folder: str | None = None) -> Sky:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -43,7 +43,7 @@ from ...physics.camera.blur import is_blurred
 from ...physics.light.scene_sun import SceneSun, from_json
 from ...physics.rig.focal_length import focal_px
 from ...settings.changes import response
-from ...settings.description import merged, restored
+from ...settings.description import Restorer, merged, restored
 from ...typed_settings import RigSettings, Settings
 from .our_files import check_no_link, checked_id, is_regular
 from .statements import find_contradictions
@@ -208,6 +208,8 @@ class Pair:
         return self.folder / name.format(eye) if name.format(eye) in self.data["files"] else self.image(eye)
 
 
+#: Makes complete settings of stored ones: ``description.restored``, or a ``Restorer`` for many.
+Restore = Callable[[Mapping[str, Any], str, str], Settings]
 _FIX = "move the folder away and render the pair again"
 #: The settings of a pair, and the version that wrote them.
 _SETTINGS_SHAPE = {"settings": Each(TABLE, TEXT), "versions": Maybe(Each(TEXT, TEXT))}
@@ -245,17 +247,25 @@ def _parse(path: Path, text: str) -> Any:
         raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {_FIX}.") from None
 
 
-def read_pair(folder: Path) -> Pair:
-    """Read ``pair.json`` of one pair. Raises IcyMoonError if it is missing, foreign or incomplete."""
+def read_pair(folder: Path, restore: Restore = restored) -> Pair:
+    """Read ``pair.json`` of one pair. Raises IcyMoonError if it is missing, foreign or incomplete.
+
+    ``restore`` is a ``Restorer`` for many pairs.
+    """
     path = folder / "pair.json"
-    data = _parse(path, _read_pair_json(path))
+    return check_pair(folder, _parse(path, _read_pair_json(path)), restore)
+
+
+def check_pair(folder: Path, data: Any, restore: Restore = restored) -> Pair:
+    """The pair whose ``pair.json`` has this content, see ``read_pair``."""
+    path = folder / "pair.json"
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise IcyMoonError(f"{path} is not an Icy Moon pair; choose a folder that Render Stereo Pair wrote.")
     if data.get("version") != VERSION:
         raise IcyMoonError(f"{path} has format version {quote(data.get('version'))}, this Icy Moon reads {VERSION}; "
                            "use the version that wrote it.")
     check_record(data, _SHAPE, path, _FIX)
-    settings = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
+    settings = restore(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
     pair = Pair(folder, checked_id(data["id"], path), settings, StereoCamera.from_json(data["camera"]), data)
     _check_statements(pair, path)
     for eye in EYES:
@@ -294,10 +304,15 @@ def _name_files(settings: Settings, camera: StereoCamera) -> set[str]:
 
 def is_complete(folder: Path) -> bool:
     """Whether a pair is there and can be read, see ``is_whole``."""
+    return read_complete(folder) is not None
+
+
+def read_complete(folder: Path) -> dict[str, Any] | None:
+    """The content of the ``pair.json`` of a pair that is there and can be read, see ``read_whole``; else None."""
     try:
-        return is_whole(folder)
+        return read_whole(folder)
     except OSError:
-        return False
+        return None
 
 
 def is_whole(folder: Path) -> bool:
@@ -320,12 +335,27 @@ def read_whole(folder: Path) -> dict[str, Any] | None:
         if folder.is_symlink() or not is_regular(path):
             return None
         data = parse_json(read_text(path))
-        whole = not find_fault(data, _FILES_SHAPE) and all(
-            is_regular(folder / name) and (folder / name).stat().st_size == fact["bytes"]
-            for name, fact in data["files"].items())
-        return dict(data) if whole else None
+        return dict(data) if has_its_files(folder, data) else None
     except (FileNotFoundError, NotADirectoryError, ValueError):
         return None
+
+
+def has_its_files(folder: Path, data: Any) -> bool:
+    """Whether the files that the content of a ``pair.json`` states are there, of their sizes.
+
+    Raises OSError where that cannot be told.
+    """
+    return not find_fault(data, _FILES_SHAPE) and all(
+        is_regular(folder / name) and (folder / name).stat().st_size == fact["bytes"]
+        for name, fact in data["files"].items())
+
+
+def has_response(folder: Path, data: Mapping[str, Any], settings: Settings, restore: Restore = restored) -> bool:
+    """Whether a pair, with this content of its ``pair.json``, states the camera response of these settings."""
+    path = folder / "pair.json"
+    check_record(data, _SETTINGS_SHAPE, path, _FIX)
+    stated = restore(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
+    return response(stated) == response(settings)
 
 
 def update_response(folder: Path, settings: Settings) -> None:
@@ -336,12 +366,12 @@ def update_response(folder: Path, settings: Settings) -> None:
     path = folder / "pair.json"
     check_no_link(folder, path)
     before = _read_pair_json(path)
-    data = check_record(_parse(path, before), _SETTINGS_SHAPE, path, _FIX)
+    data = _parse(path, before)
     # As it is read: what came after it was written is no difference.
-    stated = restored(data["settings"], str(path), data.get("versions", {}).get("icymoon", ""))
-    now = merged(data["settings"], response(settings))
-    now_stated = json_text({**data, "settings": now})
-    if response(stated) != response(settings) and not replace_if_unchanged(path, before, now_stated):
+    if has_response(folder, data, settings):
+        return
+    now = json_text({**data, "settings": merged(data["settings"], response(settings))})
+    if not replace_if_unchanged(path, before, now):
         update_response(folder, settings)
 
 
@@ -368,7 +398,8 @@ def has_pairs(path: Path) -> bool:
 
 def find_pairs(path: Path) -> list[Pair]:
     """The complete pairs at ``path``, read; see ``find_pair_folders`` and ``read_pair``."""
-    return [read_pair(folder) for folder in find_pair_folders(path)]
+    restore = Restorer()
+    return [read_pair(folder, restore) for folder in find_pair_folders(path)]
 
 
 def find_changed_files(pair: Pair) -> list[str]:

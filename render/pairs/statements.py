@@ -149,6 +149,8 @@ def _compare_direction(name: str, stated: Mapping[str, Any], wanted: np.ndarray)
 
 def _compare(name: str, stated: Any, wanted: Any, digits: float = _DIGITS, scale: float = 1.0) -> Iterator[str]:
     """Where something stated is not what is wanted. Numbers may differ by ``digits``, relative or of ``scale``."""
+    if stated == wanted:
+        return
     if isinstance(wanted, Mapping) and isinstance(stated, Mapping):
         for key in (each for each in wanted if each in stated):
             yield from _compare(f"{name}.{key}" if name else key, stated[key], wanted[key], digits, scale)
@@ -156,7 +158,7 @@ def _compare(name: str, stated: Any, wanted: Any, digits: float = _DIGITS, scale
         for k, (own, other) in enumerate(zip(stated, wanted, strict=True)):
             yield from _compare(f"{name}[{k}]", own, other, digits, scale)
     elif not (NUMBER.fits(wanted) and NUMBER.fits(stated)
-              and math.isclose(stated, wanted, rel_tol=digits, abs_tol=digits * scale)) and stated != wanted:
+              and math.isclose(stated, wanted, rel_tol=digits, abs_tol=digits * scale)):
         yield _contradict(name, stated, wanted)
 
 

@@ -17,7 +17,7 @@ from ...errors import IcyMoonError
 from ...file_shapes import COUNT, TABLE, TEXT, Each, check_record
 from ...files import quote, read_text, write_text
 from ...number_text import count_of
-from ...settings.description import asking_to_update, changed, check, merged, restored
+from ...settings.description import asking_to_update, changed, check, overlaid, restored
 from ...settings.pair_ids import counts, value_in_id
 from ...settings.table import all_settings
 from ...support.foreign_bytes import parse_json, reason_of
@@ -129,4 +129,5 @@ def read_frozen_plan(dataset: Path) -> FrozenPlan:
 
 def _parse_pair(line: Mapping[str, Any], base: Settings, path: Path) -> PlannedPair:
     check_record(line, _LINE, path, _FIX)
-    return PlannedPair(checked_id(line["id"], path), merged(base, check(line["changes"], str(path), stored=True)), 0.0)
+    settings = overlaid(base, check(line["changes"], str(path), stored=True))
+    return PlannedPair(checked_id(line["id"], path), settings, 0.0)

@@ -11,9 +11,11 @@ from ...errors import IcyMoonError
 from ...file_shapes import COUNT, FLAG, PATH, TABLE, TEXT, WHOLE, Each, Maybe, read_record
 from ...files import absolute_path, explain_disk_errors
 from ...scratch import make_scratch_folder
+from ...settings.description import Restorer, Tables
 from ...system import is_python, remove_folder
 from ...typed_settings import Settings
 from ...version import ROOT
+from ..pairs.our_files import checked_id
 from ..plans.planned_pair import PlannedPair
 from .claims import Claims
 from .process import Message, Process
@@ -35,6 +37,7 @@ def blender_command(executable: str, *arguments: str) -> list[str]:
 #: A job, as a worker reads it.
 JOB = {"settings": Maybe(Each(TABLE, TEXT), null=True), "dataset": PATH, "again": Maybe(FLAG), "repeat": Maybe(WHOLE),
        "blend": Maybe(PATH, null=True), "scene": Maybe(TEXT, null=True), "threads": Maybe(COUNT, null=True),
+       "shared": Maybe(Each(TABLE, TEXT)),
        "pairs": Maybe(Each({"id": TEXT, "settings": Each(TABLE, TEXT)}))}
 
 
@@ -52,6 +55,37 @@ def read_job(file: Path) -> dict[str, Any]:
     return job
 
 
+def read_planned_pairs(job: Mapping[str, Any]) -> list[PlannedPair]:
+    """The planned pairs of a job, each with its own settings beside those that all share."""
+    restore, shared = Restorer(), job.get("shared", {})
+    found = []
+    for pair in job["pairs"]:
+        own = pair["settings"]
+        tables = {topic: {**shared.get(topic, {}), **own.get(topic, {})} for topic in {**shared, **own}}
+        found.append(PlannedPair(checked_id(pair["id"], "The job"), restore(tables, "job"), 0.0))
+    return found
+
+
+def _find_shared(pairs: Sequence[PlannedPair]) -> Tables:
+    """The settings that all of these pairs have, and with one value."""
+    shared = {}
+    for topic, table in pairs[0].settings.items() if pairs else ():
+        # Pairs share most of their tables; each is compared once.
+        others = {id(pair.settings.get(topic)): pair.settings.get(topic, {}) for pair in pairs[1:]}.values()
+        # 0.0 and -0.0 are equal, and give other ids.
+        shared[topic] = {key: value for key, value in table.items()
+                         if all(other is table or (key in other and repr(other[key]) == repr(value))
+                                for other in others)}
+    return shared
+
+
+def _describe_pair(pair: PlannedPair, shared: Tables) -> dict[str, Any]:
+    """A pair in a job, without what it shares with the others."""
+    own = {topic: {key: value for key, value in table.items() if key not in shared.get(topic, {})}
+           for topic, table in pair.settings.items()}
+    return {"id": pair.id, "settings": {topic: table for topic, table in own.items() if table}}
+
+
 class Job:
     """A render job on disk, for the worker to read; ``remove`` it when the worker has ended."""
 
@@ -66,10 +100,11 @@ class Job:
         self.folder = make_scratch_folder()
         self.blend = self.folder / "scene.blend"
         self.file = self.folder / "job.json"
+        shared = _find_shared(pairs)
         with explain_disk_errors("write a job to", self.folder):
             job: Mapping[str, Any] = {"settings": settings, "dataset": str(dataset), "again": again, "repeat": repeat,
                                       "blend": str(self.blend) if scene else None, "scene": scene, "threads": threads,
-                                      "pairs": [{"id": pair.id, "settings": pair.settings} for pair in pairs]}
+                                      "shared": shared, "pairs": [_describe_pair(pair, shared) for pair in pairs]}
             self.file.write_text(json.dumps(job), encoding="utf-8")
 
     def discard(self) -> None:

@@ -13,8 +13,9 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...files import write_json
+from ...settings.description import Restorer
 from ...version import version
-from ..pairs.pair_folder import is_complete, read_pair
+from ..pairs.pair_folder import check_pair, read_complete
 from ..plans.frozen_plan import FORMAT, PLAN, VERSION, FrozenPlan, read_frozen_plan
 
 MANIFEST = "manifest.json"
@@ -26,11 +27,12 @@ def _counts(values: list[str]) -> dict[str, int]:
 
 def _read_pairs(frozen: FrozenPlan, dataset: Path) -> tuple[dict[str, dict[str, Any]], dict[str, str]]:
     """The ``pair.json`` of each complete pair, and why others cannot be read, by id."""
-    there, unreadable = {}, {}
+    there, unreadable, restore = {}, {}, Restorer()
     for pair in frozen.pairs:
-        if is_complete(pair.folder(dataset)):
+        folder = pair.folder(dataset)
+        if data := read_complete(folder):
             try:
-                there[pair.id] = read_pair(pair.folder(dataset)).data
+                there[pair.id] = check_pair(folder, data, restore).data
             except IcyMoonError as error:
                 unreadable[pair.id] = str(error)
     return there, unreadable

@@ -17,9 +17,10 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...file_shapes import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
 from ...number_text import count_of
+from ...settings.description import Restorer
 from ..pairs.baked_file import LIGHT
 from ..pairs.our_files import check_no_link
-from ..pairs.pair_folder import is_complete, update_response
+from ..pairs.pair_folder import has_response, is_complete, read_complete, update_response
 from ..plans.order import cut_into_jobs
 from ..plans.planned_pair import PlannedPair
 from .cards import ALL_CARDS, Cards, add_cards, choose_one
@@ -109,9 +110,10 @@ class Runner:
         check_no_link(self._dataset / "pairs", self._dataset / CLAIMS_FOLDER, self._dataset / LIGHT)
         try:
             self._claims.clean_up()
+            restore = Restorer()
             for pair in self._pairs:
-                if is_complete(pair.folder(self._dataset)):
-                    self._update_response(pair)
+                if data := read_complete(pair.folder(self._dataset)):
+                    self._update_response(pair, data, restore)
             self._report_progress()
             while missing := self._find_missing():
                 self._enqueue(missing)
@@ -127,10 +129,12 @@ class Runner:
             self._claims.clean_up()
         return self.failed
 
-    def _update_response(self, pair: PlannedPair) -> None:
-        """Count a pair that is there, and let it state the camera response of this plan."""
+    def _update_response(self, pair: PlannedPair, data: dict[str, Any], restore: Restorer) -> None:
+        """Count a pair that is there, with this ``pair.json``, and let it state the camera response of this plan."""
+        folder = pair.folder(self._dataset)
         try:
-            update_response(pair.folder(self._dataset), pair.settings)
+            if not has_response(folder, data, pair.settings, restore):
+                update_response(folder, pair.settings)
             self._complete.add(pair.id)
         except IcyMoonError as error:
             self.failed[pair.id] = str(error)
@@ -181,9 +185,11 @@ class Runner:
         return worker.left
 
     def _find_left(self, worker: _Worker) -> list[PlannedPair]:
-        """What a worker was given that is neither there nor set aside."""
-        return [pair for pair in worker.pairs if pair.id not in self.failed and pair.id not in self._complete
-                and not is_complete(pair.folder(self._dataset))]
+        """What a worker was given that is neither there nor set aside. What is there is never looked for again."""
+        for pair in worker.pairs:
+            if pair.id not in self._complete and is_complete(pair.folder(self._dataset)):
+                self._report_pair(pair.id)
+        return [pair for pair in worker.pairs if pair.id not in self.failed and pair.id not in self._complete]
 
     def _reassign(self, worker: _Worker) -> None:
         """Give what a worker has not begun to another; if it goes on after all, it finds that done, or claimed."""

@@ -22,7 +22,7 @@ from ...file_shapes import NUMBER, SHA256, TEXT, Each, Maybe, find_fault
 from ..pairs import baked_file
 from ..pairs.baked_file import LIGHT, BakedLight
 from ..pairs.our_files import is_of_a_pair, is_unfinished
-from ..pairs.pair_folder import read_whole
+from ..pairs.pair_folder import has_its_files, read_whole
 from .claims import Claims
 
 _WAIT_S = 0.5
@@ -85,10 +85,11 @@ class VouchedLight:
                 self.add(folder)
         return self._by_pair
 
-    def add(self, folder: Path) -> list[LightFile]:
-        """Read a pair that may be complete now; gives the files that it states."""
+    def add(self, folder: Path, data: Any = None) -> list[LightFile]:
+        """Read a pair that may be complete now, unless ``data`` is the content of its ``pair.json``; gives the files
+        that it states."""
         try:
-            data = read_whole(folder)
+            data = read_whole(folder) if data is None else data if has_its_files(folder, data) else None
         except OSError:
             return []
         if data is None:

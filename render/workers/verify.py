@@ -11,11 +11,11 @@ from typing import Any
 from ...errors import IcyMoonError, describe_error
 from ...file_shapes import FILE_NAME, SHA256, Each, find_fault
 from ...files import quote, read_text, sha256
-from ...formats.exr_layout import is_whole
+from ...formats.exr_layout import read_sizes
 from ...number_text import count_of
 from ...physics.camera.blur import blur_identity
-from ...settings.description import digest
-from ...settings.pair_ids import counts, value_in_id
+from ...settings.description import Restorer, digest
+from ...settings.pair_ids import counts, make_counter, value_in_id
 from ...settings.table import all_settings
 from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT, parse_name
@@ -29,7 +29,7 @@ from ..pairs.our_files import (
     list_foreign,
     remove_ours,
 )
-from ..pairs.pair_folder import Pair, is_complete, read_pair
+from ..pairs.pair_folder import Pair, StereoCamera, check_pair, is_complete, read_pair
 from ..plans.frozen_plan import PLAN, read_frozen_plan
 from ..plans.planned_pair import PlannedPair
 from .claims import CLAIMS_FOLDER, Claims
@@ -86,17 +86,17 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
                            "run verify without it, and remove yourself what you do not need.")
     working = Claims(dataset).find_claimed_elsewhere()
     problems: list[Problem] = []
-    complete = 0
+    complete, shared = 0, _Shared(VouchedLight(dataset))
     for name, pair in planned.items():
         folder = dataset / "pairs" / name
         try:
-            found = list(_check_pair(folder, pair, name in working))
+            found = list(_check_pair(folder, pair, name in working, shared))
         except Exception as error:  # such as a disk that cannot be read: nothing to take away
             found = [Problem("unreadable", name, describe_error(error, folder))]
         complete += not found
         problems += found
     problems += _check_other_files(dataset, planned.keys(), working, has_plan)
-    stated = _find_stated_light(dataset)
+    stated = _find_stated_light(shared.light)
     problems += _check_light(dataset, stated, working)
     told = {problem.what for problem in problems if problem.kind == "foreign"}  # with the reason why it stays
     for path in dict.fromkeys(problem.path for problem in problems if problem.path) if remove_broken else ():
@@ -119,7 +119,18 @@ def _find_unplanned(dataset: Path) -> dict[str, None]:
     return found
 
 
-def _check_pair(folder: Path, planned: PlannedPair | None, working: bool) -> Iterator[Problem]:
+class _Shared:
+    """What is made once for all pairs of a data set: what their tables give, and the light that they state."""
+
+    def __init__(self, light: VouchedLight) -> None:
+        self.light = light
+        self.restore, self.count = Restorer(), make_counter()
+        #: Name, topic and key of the settings that can change a rendered pixel.
+        self.names = [(f"{topic}.{setting.key}", topic, setting.key) for topic, setting in all_settings()
+                      if counts(setting)]
+
+
+def _check_pair(folder: Path, planned: PlannedPair | None, working: bool, shared: _Shared) -> Iterator[Problem]:
     name = folder.name
     if link := _find_link(folder):
         text = (f"{link} is a link, which is no part of a pair; put what it leads to in its place, or remove it and "
@@ -137,12 +148,14 @@ def _check_pair(folder: Path, planned: PlannedPair | None, working: bool) -> Ite
         else:
             yield Problem("missing", name, f"Pair {name} is {'being rendered' if working else 'missing'}.")
         return
-    intact = _is_intact(folder)
+    data = _parse(record)
+    intact = _has_rendered_files(folder, data)
+    shared.light.add(folder, data)
     try:
-        pair = read_pair(folder)
+        pair = read_pair(folder) if data is None else check_pair(folder, data, shared.restore)
         texts = [*(() if intact else _find_damage(pair)),
                  *(f"{clause}; move the folder away and {_again(planned)}."
-                   for clause in _find_contradictions(pair, planned))]
+                   for clause in _find_contradictions(pair, planned, shared))]
     except IcyMoonError as error:
         texts = [str(error)]
     for text in texts:
@@ -173,13 +186,21 @@ def _find_link(folder: Path) -> Path | None:
     return next((path for path in (folder.parent, folder, *inside) if path.is_symlink()), None)
 
 
-def _is_intact(folder: Path) -> bool:
-    """Whether all files of a pair are as they were rendered, whatever else is wrong with it.
+def _parse(record: Path) -> Any:
+    """The content of a ``pair.json``; None if it is gone or no JSON. Raises OSError where that cannot be told."""
+    try:
+        return parse_json(read_text(record))
+    except (FileNotFoundError, NotADirectoryError, ValueError):
+        return None
+
+
+def _has_rendered_files(folder: Path, data: Any) -> bool:
+    """Whether all files that the content of a ``pair.json`` states are as they were rendered, whatever else is wrong
+    with the pair.
 
     Raises OSError where that cannot be told.
     """
     try:
-        data = parse_json(read_text(folder / "pair.json"))
         return not find_fault(data, _FILES_SHAPE) and bool(data["files"]) and all(
             is_regular(folder / name) and sha256(folder / name) == fact["sha256"]
             for name, fact in data["files"].items())
@@ -189,7 +210,7 @@ def _is_intact(folder: Path) -> bool:
 
 def _may_be_intact(folder: Path) -> bool:
     try:
-        return _is_intact(folder)
+        return _has_rendered_files(folder, _parse(folder / "pair.json"))
     except OSError:
         return True
 
@@ -206,7 +227,7 @@ def _find_damage(pair: Pair) -> Iterator[str]:
             yield f"{file} is not what was rendered: its checksum differs."
 
 
-def _find_contradictions(pair: Pair, planned: PlannedPair | None) -> Iterator[str]:
+def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Shared) -> Iterator[str]:
     """In what a pair that can be read is not what was planned, in clauses. The pair itself excuses nothing.
 
     Without a plan its name and its settings decide, unless it was edited by hand.
@@ -215,8 +236,11 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None) -> Iterator[st
     wanted = planned or PlannedPair(pair.folder.name, pair.settings, 0.0)
     if pair.id != wanted.id:
         yield f"{path} is of pair {pair.id}, not {wanted.id}"
-    others = [(name, pair.settings[topic][key], wanted.settings[topic][key]) for name, topic, key in _settings_in_id()
-              if value_in_id(name, pair.settings) != value_in_id(name, wanted.settings)]
+    # What of relief is in the id depends on other topics.
+    unequal = {topic for topic in wanted.settings if pair.settings.get(topic) != wanted.settings[topic]}
+    others = [(name, pair.settings[topic][key], wanted.settings[topic][key]) for name, topic, key in shared.names
+              if (topic in unequal or key == "relief")
+              and value_in_id(name, pair.settings) != value_in_id(name, wanted.settings)]
     if others:
         texts = [f"{name} is {quote(there)} and was planned as {quote(asked)}"
                  for name, there, asked in others[:_MOST_NAMED]]
@@ -225,27 +249,27 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None) -> Iterator[st
     own, blur = str(pair.data.get("own_files_sha256", "")), blur_identity(wanted.settings)
     if edited and planned:
         yield f"{path} states that the scene was edited by hand, and {PLAN} plans no such pair"
-    elif not edited and not others and wanted.id not in {
-            digest(wanted.settings, own + each + blur) for each in _STAND_INS}:
+    elif not edited and not others and not any(
+            wanted.id == digest(wanted.settings, own + each + blur, shared.count) for each in _STAND_INS):
         yield f"{path}: its settings and own files do not give the id {wanted.id}"
     seeds = pair.data.get("seeds", {})
     if seeds.get("render") != wanted.render_seed:
         yield f"{path}: was rendered with the seed {seeds.get('render')}, not {wanted.render_seed}"
     if "dataset" in seeds and seeds["dataset"] != wanted.settings.dataset.seed:
         yield f"{path}: seeds.dataset is {seeds['dataset']}, and its settings give {wanted.settings.dataset.seed}"
-    yield from (f"{pair.folder / name} is no whole EXR image" for name in pair.data["files"]
-                if name.endswith(".exr") and not is_whole(pair.folder / name))
+    wide, high = StereoCamera.from_settings(wanted.settings.rig).rendered_px
+    for file in (pair.folder / name for name in pair.data["files"] if name.endswith(".exr")):
+        sizes = read_sizes(file)
+        if not sizes:
+            yield f"{file} is no whole EXR image"
+        yield from (f"{file} has {columns} x {rows} pixels, and its settings give {wide} x {high}"
+                    for columns, rows in sizes - {(wide, high)})
 
 
-def _settings_in_id() -> list[tuple[str, str, str]]:
-    """Name, topic and key of the settings that can change a rendered pixel."""
-    return [(f"{topic}.{setting.key}", topic, setting.key) for topic, setting in all_settings() if counts(setting)]
-
-
-def _find_stated_light(dataset: Path) -> dict[LightFile, list[str]]:
+def _find_stated_light(light: VouchedLight) -> dict[LightFile, list[str]]:
     """The files of baked light that pairs were rendered with, and the ids of these pairs."""
     stated: dict[LightFile, list[str]] = {}
-    for pair, files in sorted(VouchedLight(dataset).by_pair().items()):
+    for pair, files in sorted(light.by_pair().items()):
         for file in set(files):
             stated.setdefault(replace(file, cpu_seconds=0.0), []).append(pair)
     return stated

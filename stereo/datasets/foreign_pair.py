@@ -29,7 +29,7 @@ from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
-from .input_faults import WRONG_SIGN, check_map_size, check_truth, doubt_camera
+from .input_faults import WRONG_SIGN, check_map_size, check_truth, doubt_brightness, doubt_camera
 from .turned_images import find_turned, refuse_turned
 from .visibility import Mask, check_right_truth, read_mask, right_camera
 
@@ -108,7 +108,7 @@ class ForeignPair:
         most = STEP_PX * math.ceil(min(count, camera.width_px, MOST_PX) / STEP_PX) - 1
         pair = PhotographedPair(self.name, self.folder, camera, SearchRange(0, most, FIXED))
         scale = colours.depth_scale(truth)
-        warnings = [*self._doubt_rows(), *doubt_camera(camera), *warnings, *doubts]
+        warnings = [*self._doubt_rows(), *doubt_camera(camera), *doubt_brightness(*grey), *warnings, *doubts]
         facts = self._facts(camera, truth, visible if known else None, notes, warnings)
         facts["depth_scale_m"] = [scale.low, scale.high]
         return Prepared(pair, left, right, truth, visible, gradient, classes, _UNCHECKED, scale, facts, known)

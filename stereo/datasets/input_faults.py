@@ -25,6 +25,8 @@ _NEAR, _TIGHT = 0.03, 0.1
 _FACTORS = (2.0, 3.0, 4.0, 8.0, 10.0, 16.0, 32.0, 64.0, 100.0, 128.0, 256.0, 1000.0, 1 / 0.3048, 1 / 0.0254)
 #: Baselines, m, and focal lengths, as shares of the width, of stereo heads and of data sets: views of 1.9 to 147°.
 _BASELINES_M, _FOCAL_SHARES = (1e-3, 3.0), (0.15, 30.0)
+#: Ratio of the mean values of both eyes' images above which they are doubted; auto-exposures differ by less.
+_MOST_UNLIKE = 2.0
 
 
 class Files(Protocol):
@@ -99,6 +101,17 @@ def doubt_camera(camera: StereoCamera) -> list[str]:
                      f"{camera.width_px} px, and all depths are in proportion to it; look whether it is stated in px "
                      "of these images.")
     return found
+
+
+def doubt_brightness(left: np.ndarray, right: np.ndarray) -> list[str]:
+    """A warning if one of two grey images (H, W) is so much darker that matchers, which compare values, find little."""
+    means = float(np.mean(left)), float(np.mean(right))
+    if max(means) <= _MOST_UNLIKE * min(means):
+        return []
+    times = f"{max(means) / min(means):.1f} times" if min(means) > 0 else "infinitely"
+    which = "left" if means[0] > means[1] else "right"
+    return [f"The {which} image is {times} as bright as the other, and matchers compare values; look whether both have "
+            "the same exposure, and as many of their bits in use."]
 
 
 def _list_tried() -> str:

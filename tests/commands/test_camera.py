@@ -99,7 +99,7 @@ def test_a_calibration_of_ros_is_a_rig(tmp_path):
 
 
 @pytest.mark.parametrize(("before", "after", "words"), [
-    ("plumb_bob", "rational_polynomial", "rational_polynomial"), ("-100.0", "0.0", "no baseline"),
+    ("plumb_bob", "double_sphere", "rational_polynomial, equidistant alone are read"), ("-100.0", "0.0", "no baseline"),
     ("image_width: 640", "image_width: -640", "image_width"),
     ("image_width: 640", f"image_width: {'9' * 5000}", "image_width"), ("image_width: 640\n", "", "image_width"),
     ("-0.3, 0.1,", "-0.3, nan,", "distortion_coefficients"), ("data: [-0.3", "data: [[-0.3", "float"),
@@ -108,7 +108,15 @@ def test_a_calibration_of_ros_is_a_rig(tmp_path):
     ("500., 240.25, 0., 0., 0., 1., 0.]", "500., 240.25, 0.", "projection_matrix"),
     ("cols: 4\n  data: [500., 0.", "cols: 4\n  data: [0., 0.", "no focal length"),
     ("0., 500., 240.25", "0., 700., 240.25", "no squares, in projection_matrix too (fx 500, fy 700 px)"),
-    ("0., 500., 240.25,\n", "0., -500., 240.25,\n", "camera_matrix has no focal length")])
+    ("0., 500., 240.25,\n", "0., -500., 240.25,\n", "camera_matrix has no focal length"),
+    ("plumb_bob", "rational_polynomial", "distortion_coefficients has not 8 or 12 or 14 numbers"),
+    ("data: [1., 0., 0., 0., 1.", "data: [2., 0., 0., 0., 1.", "rectification_matrix is no rotation"),
+    ("camera_name: narrow_stereo", "roi: {x_offset: 1, width: 9}", "write each of its keys in a line of its own"),
+    ("camera_name: narrow_stereo", "roi:\n  x_offset: 600\n  width: 60\n  height: 60", "60 x 60 px at (600, 0)"),
+    ("camera_name: narrow_stereo", "roi:\n  x_offset: 8", "0 x 0 px at (8, 0)"),
+    ("camera_name: narrow_stereo", "binning_x: -2", "binning_x is '-2'"),
+    ("camera_name: narrow_stereo", "binning_x: 99", "binning_x of 99"),
+    ("camera_name: narrow_stereo", "binning_x: 2\nbinning_y: 2", "write the same binning_x, binning_y and roi")])
 def test_what_is_no_calibration_of_ros_is_a_sentence(tmp_path, capsys, before, after, words):
     left, right = ros_pair(tmp_path)
     text = right.read_text(encoding="utf-8")
@@ -185,6 +193,102 @@ def test_pixels_that_are_no_squares_give_the_rig_of_the_rectified_images(tmp_pat
     assert [rig[f"distortion_{name}"] for name in ("k1", "k2", "p1", "p2", "k3")] == [0.0] * 5
     assert "rig of the rectified images" in note
     assert "(fx 500, fy 500.6 px)" in note
+
+
+def size_and_lens(rig):
+    focal = rig.focal_length_mm / rig.sensor_width_mm * rig.width_px
+    return (rig.width_px, rig.height_px, focal, rig.principal_x_px + rig.width_px / 2 - 0.5,
+            rig.principal_y_px + rig.height_px / 2 - 0.5, rig.baseline_m)
+
+
+ROI = "roi:\n  x_offset: 100\n  y_offset: 60\n  height: 300\n  width: 401\n  do_rectify: false\n"
+
+
+@pytest.mark.parametrize(("more", "size", "focal", "centre"), [
+    ("binning_x: 2\nbinning_y: 2\n" + ROI.replace("401", "400"), (200, 150), 250.0, (110.25, 90.125)),
+    ("binning_x: 2\nbinning_y: 2\n", (320, 240), 250.0, (160.25, 120.125)),
+    ("binning_x: 0\nbinning_y: 0\n" + ROI, (401, 300), 500.0, (220.5, 180.25)),
+    ("binning_x: 2\nbinning_y: 2\n" + ROI, (200, 150), 250.0, (110.25, 90.125))])
+@pytest.mark.parametrize("rectified", [False, True])
+def test_images_that_are_a_binned_part_give_the_rig_of_them(tmp_path, more, size, focal, centre, rectified):
+    """K and P move with the corner, then shrink, as in ROS' image_geometry; distortion and baseline stay."""
+    left, right = ros_pair(tmp_path)
+    for path in (left, right):
+        change(path, ("camera_name: narrow_stereo\n", more))
+    if rectified:
+        turn(right, 0.01)
+    found, notes = read_rig(left, right)
+    assert size_and_lens(found.rig) == pytest.approx((*size, focal, *centre, 0.2))
+    assert found.rig.distortion_k1 == (0.0 if rectified else -0.3)
+    assert len(notes) == 1 + rectified
+    assert notes[-1].endswith(f"images have {size[0]} x {size[1]} px.")
+
+
+def test_no_binning_and_a_roi_of_all_are_as_none(tmp_path):
+    left, right = ros_pair(tmp_path)
+    plain = read_rig(left, right)
+    change(left, ("camera_name: narrow_stereo\n", "binning_x: 1\nroi:\n  x_offset: 0\n  width: 640\n  height: 480\n"))
+    change(right, ("camera_name: narrow_stereo\n", "roi:\n  x_offset: 0\n  width: 0\n  height: 0\n"))
+    assert read_rig(left, right) == plain
+
+
+def test_binning_of_one_axis_alone_has_a_fix_that_works(tmp_path):
+    left, right = ros_pair(tmp_path)
+    for path in (left, right):
+        change(path, ("camera_name: narrow_stereo\n", "binning_x: 2\nbinning_y: 1\n"))
+    with pytest.raises(IcyMoonError, match=r"fx 250, fy 500 px.*; bin as many pixels along x as along y, and set "):
+        read_rig(left, right)
+    for path in (left, right):
+        change(path, ("binning_y: 1", "binning_y: 2"))
+    assert read_rig(left, right)[0].rig.width_px == 320
+
+
+def turn(path, degrees, axis=1):
+    """Give an eye a rotation into the axes of the pair, about y or z."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    rotation = [c, 0, s, 0, 1, 0, -s, 0, c] if axis == 1 else [c, s, 0, -s, c, 0, 0, 0, 1]
+    change(path, ("data: [1., 0., 0., 0., 1., 0., 0., 0., 1.]", f"data: {[float(x) for x in rotation]}"))
+
+
+@pytest.mark.parametrize(("degrees", "axis", "eyes", "words"), [
+    (0.01, 1, ["right"], "the eyes are turned against each other by 0.01 degrees."),
+    (15.0, 1, ["left"], "the eyes are turned against each other by 15 degrees."),
+    (2.0, 2, ["left", "right"], "0.007271 m below and 0 m before it, so they are not side by side."),
+    (2.0, 1, ["left", "right"], "0 m below and 0.007271 m before it, so they are not side by side.")])
+def test_eyes_that_are_not_parallel_give_the_rig_of_the_rectified_images(tmp_path, degrees, axis, eyes, words):
+    """As those of every real head are not."""
+    left, right = ros_pair(tmp_path)
+    for path in (left, right):
+        change(path, ("cols: 4\n  data: [500., 0., 320.5", "cols: 4\n  data: [480., 0., 330."),
+               ("0., 500., 240.25, 0.", "0., 480., 238., 0."))
+    for name in eyes:
+        turn(tmp_path / f"{name}.yaml", degrees, axis)
+    found, (note,) = read_rig(left, right)
+    assert size_and_lens(found.rig) == pytest.approx((640, 480, 480.0, 330.0, 238.0, 100 / 480))
+    assert [found.rig[f"distortion_{name}"] for name in ("k1", "k2", "p1", "p2", "k3")] == [0.0] * 5
+    assert "rig of the rectified images" in note
+    assert note.endswith(words)
+    with pytest.raises(IcyMoonError, match=r"left\.yaml stands .* so it is the left eye; give it first"):
+        read_rig(right, left)
+
+
+@pytest.mark.parametrize(("model", "count"), [("rational_polynomial", 8), ("equidistant", 4)])
+def test_another_lens_gives_the_rig_of_the_rectified_images(tmp_path, model, count):
+    left, right = ros_pair(tmp_path)
+    change(right, ("plumb_bob", model), ("[-0.3, 0.1, 0.001, -0.002, 0.05]", str([0.1] * count)))
+    found, (note,) = read_rig(left, right)
+    assert size_and_lens(found.rig) == pytest.approx((640, 480, 500.0, 320.5, 240.25, 0.2))
+    assert found.rig.distortion_k1 == 0
+    assert note.endswith(f"no distortion: the lens model is {model}.")
+
+
+def test_a_fifth_coefficient_that_is_left_out_is_0(tmp_path):
+    left, right = ros_pair(tmp_path)
+    for path in (left, right):
+        change(path, (", 0.05]", "]"))
+    found, notes = read_rig(left, right)
+    assert notes == []
+    assert [found.rig[f"distortion_{name}"] for name in ("k1", "k2", "p1", "p2", "k3")] == [-0.3, 0.1, 0.001, -0.002, 0]
 
 
 def test_two_kinds_of_calibration_are_refused(tmp_path, capsys):

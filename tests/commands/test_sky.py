@@ -43,6 +43,34 @@ def test_a_body_brings_its_planet(capsys, monkeypatch):
     assert asked == [("EUROPA", "JUPITER"), ("EUROPA", "SATURN")]
 
 
+def test_what_the_planet_hides_lights_nothing(capsys):
+    """As in pair.json, where irradiance and eclipse have the same keys."""
+    in_shadow = [*PLACE[:-1], "2035-03-04T18:00"]
+    (found,) = facts(capsys, *in_shadow)
+    assert found["sun"]["eclipse"] == 1
+    assert found["sun"]["elevation_deg"] > 50
+    assert found["sun"]["irradiance_wm2"] == found["sun"]["ground_irradiance_wm2"] == 0
+    assert found["sun"]["source"] == "DATE"
+    assert main(["sky", *in_shadow]) == 0
+    row = next(line for line in capsys.readouterr().out.splitlines() if "2035-03-04 18:00" in line)
+    assert [row.split("│")[k].strip() for k in (4, 5, 6)] == ["0.000", "0.000", "100"]
+    (night,) = facts(capsys, "--set", "light.sun_elevation_deg=-5")
+    assert night["sun"]["irradiance_wm2"] == 0
+
+
+def test_the_sky_of_another_body_than_the_grounds_has_a_fix_that_works(capsys):
+    """Also where the radius is stated, which no preset changes; with a date, no angles are read."""
+    for words in (["--preset", "europa_rough_ice", "--set", "light.body=ENCELADUS"],
+                  ["--set", "terrain.body_radius_m=2631200"]):
+        words += ["--date", "2035-03-01T12:00"]
+        assert main(["sky", *words]) == 1
+        shown = capsys.readouterr().err
+        assert "give --body ENCELADUS for the sky of Enceladus" in shown
+        assert "ANGLES" not in shown
+        (found,) = facts(capsys, *words, "--body", "ENCELADUS")
+        assert found["body"] == "ENCELADUS"
+
+
 def test_a_table_goes_on_through_an_eclipse(capsys):
     """Jupiter hides the Sun once in a turn of 85.2 h over a site that faces it."""
     rows = facts(capsys, *PLACE, "--hours", "86", "--every", "0.5")

@@ -215,7 +215,7 @@ def _edit(path, **changes):
     (lambda folder: _edit(folder / "pair.json", version=99), "format version 99"),
     (lambda folder: _edit(folder / "pair.json", camera=pairs.camera(128, 72).to_json()),
      r"camera\.width_px is 128, and its settings give 256"),
-    (lambda folder: _edit(folder / "pair.json", settings=[]), "settings is a list, not a table"),
+    (lambda folder: _edit(folder / "pair.json", settings=[]), r"settings is \[\], not a table"),
     (lambda folder: _edit(folder / "pair.json", settings={"sensor": {"read_noise_e": "abc"}}),
      r"sensor\.read_noise_e must be a number, not 'abc'"),
     (lambda folder: _edit(folder / "pair.json", camera=7), "camera is 7, not a table"),

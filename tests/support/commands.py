@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 import ast
 import io
 import re
 import shlex
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr
 from typing import Any
 
@@ -29,7 +30,8 @@ OPERATORS = {operator.name.removeprefix("icymoon."): operator for operator in re
 LANDFORMS_OF_EXAMPLES = {f"landform_{name}" for project in examples() for name in tomllib.loads(
     (project / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"].get("icymoon.landforms", ())}
 #: Program that needs no parser, and the parser of each that does.
-PARSERS = {"icymoon": cli._make_parser, "icymoon.stereo": stereo_cli._parser}
+PARSERS: dict[str, Callable[[], argparse.ArgumentParser]] = {
+    "icymoon": cli.make_parser, "icymoon.stereo": stereo_cli._parser}
 
 
 def words_of(code: str) -> Iterator[list[str]]:

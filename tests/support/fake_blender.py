@@ -44,6 +44,8 @@ def main() -> None:
                      '{"type": "progress", "pair": "x", "of_pair": 1}', '{"type": "error", "pair": 3}', "{" * 9999):
             print(line, flush=True)
     for pair in job["pairs"]:
+        own, shared = pair["settings"], job["shared"]
+        settings = {topic: {**shared.get(topic, {}), **own.get(topic, {})} for topic in {**shared, **own}}
         name, what = pair["id"], behave.get(pair["id"], behave.get("all", ""))
         with (here / "log").open("a") as log:
             log.write(f"{name}\n")
@@ -67,8 +69,8 @@ def main() -> None:
             (part / f"{eye}.exr").write_bytes(b"image")
         size = 5 + (what == "lie")
         (part / "pair.json").write_text(json.dumps({
-            "format": "icymoon-pair", "version": 1, "id": name, "settings": pair["settings"], "device": "CPU",
-            "camera": camera(pair["settings"]["rig"]),
+            "format": "icymoon-pair", "version": 1, "id": name, "settings": settings, "device": "CPU",
+            "camera": camera(settings["rig"]),
             "seconds": {"render": 0.1}, "versions": {}, "platform": "none", "peak_memory_mib": None,
             "files": {f"{eye}.exr": {"bytes": size, "sha256": "0" * 64} for eye in ("left", "right")}}))
         os.rename(part, folder)

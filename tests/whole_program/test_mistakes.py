@@ -80,7 +80,7 @@ def build(*parts: dict) -> str:
 
 def command(*words: str) -> str:
     """The sentence that the command line ends with, in this process."""
-    return raised(lambda: (options := cli._make_parser().parse_args(words)).run(options))
+    return raised(lambda: (options := cli.make_parser().parse_args(words)).run(options))
 
 
 def stereo(*words: str) -> str:

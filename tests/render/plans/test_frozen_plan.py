@@ -24,8 +24,9 @@ def complete(folder, frozen) -> None:
         made = write_pair(pair.folder(folder), Scene(), camera(32, 24), settings=pair.settings)
         path = made / "pair.json"
         data = json.loads(path.read_text())
-        data |= {"seeds": {"dataset": 0, "render": pair.render_seed}, "versions": {"blender": "5.0.1"}, "device": "CPU",
-                 "platform": "here", "seconds": {"render": 1.5, "build": 0.5}, "peak_memory_mib": 300.0}
+        data |= {"seeds": {"dataset": pair.settings.dataset.seed, "render": pair.render_seed},
+                 "versions": {"blender": "5.0.1"}, "device": "CPU", "platform": "here",
+                 "seconds": {"render": 1.5, "build": 0.5}, "peak_memory_mib": 300.0}
         path.write_text(json.dumps(data))
 
 

@@ -12,6 +12,7 @@ import pytest
 from icymoon import system
 from icymoon.commands import batch
 from icymoon.errors import IcyMoonError
+from icymoon.render.pairs import pair_folder
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.workers import runner
 from icymoon.render.workers.cards import Cards
@@ -268,6 +269,20 @@ def test_pairs_that_are_known_to_be_complete_are_not_read_again(stand, monkeypat
     worker = runner._Worker(None, None, list(PAIRS))  # type: ignore[arg-type]
     assert watched._find_left(worker) == []
     assert len(read) == len(PAIRS) - 5
+    assert watched._find_left(worker) == []
+    assert len(read) == len(PAIRS) - 5
+
+
+def test_a_complete_data_set_is_read_twice(stand, monkeypatch):
+    """By the runner, and for the manifest."""
+    stand.run()
+    datasets.freeze_plan(stand.dataset, PAIRS, "")
+    read = []
+    inner = pair_folder.read_text
+    monkeypatch.setattr(pair_folder, "read_text", lambda path: read.append(path.parent.name) or inner(path))
+    monkeypatch.setattr(batch, "set_stop_handler", lambda handler: None)
+    assert batch.render(stand.dataset, list(PAIRS), WorkerOptions(1, 1, "none"), lambda *a, **k: None) == 0
+    assert sorted(read) == sorted(2 * [pair.id for pair in PAIRS])
 
 
 @pytest.mark.parametrize("place", ["pairs", "claims", "light"])

@@ -14,12 +14,14 @@ import pytest
 from icymoon.commands.cli import main
 from icymoon.errors import IcyMoonError
 from icymoon.physics.light.baked_rocks import TERMS
-from icymoon.render.pairs import baked_file
+from icymoon.render.pairs import baked_file, pair_folder
 from icymoon.render.pairs.baked_file import BakedLight
 from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.workers import verify as verify_module
 from icymoon.render.workers.claims import Claims
 from icymoon.render.workers.shared_light import KeptLight
 from icymoon.render.workers.verify import Findings, Problem, verify
+from icymoon.settings import description, pair_ids
 from pairs import Scene, camera, write_pair
 from plans import grid
 
@@ -189,6 +191,16 @@ def test_an_image_that_is_replaced_with_its_checksum_is_not_found(dataset):
 
 
 # Pairs decide
+
+def test_an_image_of_another_size_is_found_whatever_its_checksum(dataset, tmp_path):
+    folder = PAIRS[1].folder(dataset)
+    other = write_pair(tmp_path / "other" / PAIRS[1].id, Scene(), camera(24, 16))
+    (folder / "left.exr").write_bytes((other / "left.exr").read_bytes())
+    files = json.loads((folder / "pair.json").read_text())["files"]
+    files["left.exr"] = json.loads((other / "pair.json").read_text())["files"]["left.exr"]
+    rewrite(folder, files=files)
+    assert "left.exr has 24 x 16 pixels, and its settings give 32 x 24" in the_problem(dataset).text
+
 
 def first_light(dataset: Path) -> Path:
     return sorted((dataset / "light").iterdir())[0]
@@ -393,3 +405,23 @@ def test_what_is_of_no_plan_and_other_seeds_are_told_with_what_to_do(dataset):
     rewrite(PAIRS[1].folder(dataset), seeds={"dataset": 7, "render": PAIRS[1].render_seed})
     text = the_problem(dataset).text
     assert "seeds.dataset is 7, and its settings give 0; move the folder away and run icymoon batch." in text
+
+
+# What it costs
+
+def test_each_pair_is_read_once_and_what_all_share_is_made_once(dataset, monkeypatch):
+    read: list[str] = []
+    counters: list[int] = []
+    checked: list[str] = []
+    read_text, make_counter, check_table = pair_folder.read_text, pair_ids.make_counter, description._check_table
+    for module in (verify_module, pair_folder):
+        monkeypatch.setattr(module, "read_text", lambda path: read.append(path.parent.name) or read_text(path))
+    monkeypatch.setattr(verify_module, "make_counter", lambda: counters.append(1) or make_counter())
+    monkeypatch.setattr(description, "_check_table",
+                        lambda topic, *rest, **named: checked.append(topic) or check_table(topic, *rest, **named))
+    assert verify(dataset).problems == ()
+    assert sorted(read) == sorted(pair.id for pair in PAIRS)
+    assert len(counters) == 1
+    # The plan's first pair, and what differs from it, beside what is in the files.
+    assert checked.count("surface") <= 2
+    assert checked.count("terrain") <= 2

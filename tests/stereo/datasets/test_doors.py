@@ -15,6 +15,7 @@ from hostile_images import EXRS, JPEGS, PNGS, WEBPS
 from icymoon.errors import IcyMoonError
 from icymoon.files import read_checksum
 from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map
+from icymoon.stereo.datasets.input_faults import doubt_brightness
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.sources import find_sources
@@ -116,3 +117,12 @@ def test_matching_a_hostile_file_is_one_sentence(tmp_path, content):
 def test_a_file_that_goes_while_it_is_read_is_one_sentence(tmp_path, read):
     with pytest.raises(IcyMoonError, match="cannot be read"):
         read(tmp_path / "gone.exr")
+
+
+@pytest.mark.parametrize(("left", "right", "words"), [
+    (100, 100, None), (60, 110, None), (200, 12, "left image is 16.7 times"), (12, 200, "right image is 16.7 times"),
+    (50, 0, "left image is infinitely"), (0, 0, None)])
+def test_eyes_of_another_brightness_are_doubted(left, right, words):
+    said = doubt_brightness(*(np.full((4, 5), value, np.uint8) for value in (left, right)))
+    assert len(said) == (words is not None)
+    assert all(words in each for each in said)

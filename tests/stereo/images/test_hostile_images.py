@@ -34,7 +34,7 @@ def refuse(read, path: Path) -> str:
         read(path)
     text = str(caught.value)
     assert text.startswith(str(path))
-    assert text.endswith((".", "out.tif"))  # nothing follows a command
+    assert text.endswith((".", "_new.tif"))  # nothing follows a command
     assert ";" in text  # what to do
     assert text.isprintable()
     return text

@@ -1,0 +1,29 @@
+"""The verbs ``evaluate`` and ``decide``: those of the evaluator, with a folder for the results that may be left out."""
+
+from __future__ import annotations
+
+import argparse
+
+from ..stereo import cli as stereo
+
+
+def add_evaluate_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``evaluate``."""
+    stereo.add_evaluate_options(parser, out_needed=False)
+    parser.set_defaults(run=_run_evaluate)
+
+
+def add_decide_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``decide``."""
+    stereo.add_decide_options(parser, out_needed=False)
+    parser.set_defaults(run=_run_decide)
+
+
+def _run_evaluate(options: argparse.Namespace) -> int:
+    options.out = options.out or options.path[0] / "evaluation"
+    return stereo.run_evaluate(options)
+
+
+def _run_decide(options: argparse.Namespace) -> int:
+    options.out = options.out or options.path[0] / "decisions"
+    return stereo.run_decide(options)

@@ -1,0 +1,124 @@
+"""The verbs that render scenes: ``demo``, ``render`` and ``gallery``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from ..errors import IcyMoonError
+from ..render.cost.abilities import check_abilities
+from ..render.workers.cards import choose_cards
+from ..render.workers.job import Job, absolute_folder, render_job
+from ..settings import description, preset_files
+from ..support import printer
+from ..terminal import as_path, show_progress
+from ..typed_settings import Parts, Settings
+from .renderer_options import add_blender_option, add_cards_option
+from .scene_options import add_scene_options, read_settings
+
+#: Most stops by which the gallery's exposure may differ from the camera's.
+_MOST_STOPS = 20.0
+#: The scenes of the demo. Their settings leave so little noise that it decides nothing, for little processor time: few
+#: pixels, no light under the surface, and no shadows, which take more samples than all else. Snow has little texture;
+#: its indirect light is baked.
+_DEMO_ALIKE: Parts = {"rig": {"width_px": 320, "height_px": 240}, "surface": {"model": "LAMBERT"}}
+_DEMO: dict[str, Parts] = {
+    "enceladus_fresh_snow": {"quality": {"indirect": "BAKED", "bake_area": "VIEW", "bake_samples": 32,
+                                         "direct_samples": 96}},
+    "europa_rough_ice": {"light": {"sun_elevation_deg": 55.0}, "quality": {"samples": 40, "diffuse_bounces": 2}}}
+
+
+def add_demo_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``demo``."""
+    parser.add_argument("--out", type=as_path, default=Path("out/demo"),
+                        help="folder for pairs and report (%(default)s)")
+    parser.set_defaults(run=_run_demo)
+
+
+def add_render_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``render``."""
+    add_scene_options(parser)
+    add_blender_option(parser)
+    parser.add_argument("--out", type=as_path, help="data set folder, instead of dataset.folder")
+    add_cards_option(parser)
+    parser.add_argument("--again", action="store_true", help="render pairs that are already complete once more")
+    parser.set_defaults(run=_run_render)
+
+
+def add_gallery_options(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of ``gallery``."""
+    parser.add_argument("--only", action="append", default=[], metavar="NAME", help="one scene; may repeat (all)")
+    parser.add_argument("--scale", type=float, default=1.0, help="share of the images' width and height (%(default)s)")
+    parser.add_argument("--stops", type=float, default=0.0, help="expose pictures and sheet so many stops longer than "
+                         "the camera does; files then end in the number (%(default)s)")
+    parser.add_argument("--out", type=as_path, default=Path("out/gallery"), help="folder for the pairs, a picture of "
+                         "each and the sheet gallery.jpg (%(default)s)")
+    add_blender_option(parser)
+    parser.set_defaults(run=_run_gallery)
+
+
+def render_settings(settings: Settings, dataset: Path, blender: str, *, again: bool = False) -> list[Path]:
+    """Render the pairs of a complete description in a worker, showing its progress; their folders.
+
+    Raises IcyMoonError with the worker's own message if it fails.
+    """
+    with show_progress("Starting Blender") as show:
+        return render_job(Job(dataset, settings, again=again), blender, show)
+
+
+def _run_render(options: argparse.Namespace) -> int:
+    choose_cards(options.cards)
+    settings = read_settings(options)
+    if settings.source.file and settings.source.kind == "PROCEDURAL":
+        printer.warn("source.file is not used: source.kind is PROCEDURAL; set it to MESH or HEIGHT_MAP.")
+    dataset = options.out.absolute() if options.out else absolute_folder(str(settings.dataset.folder))
+    render_settings(settings, dataset, options.blender, again=options.again)
+    printer.say(str(dataset))
+    return 0
+
+
+def _run_demo(options: argparse.Namespace) -> int:
+    dataset = options.out.absolute()
+    for name, changes in _DEMO.items():
+        path = preset_files.preset_path(name)
+        printer.say(preset_files.preset_header(name)[0])
+        settings = description.merged(description.defaults(), preset_files.load(path), _DEMO_ALIKE, changes)
+        render_settings(settings, dataset, sys.executable)
+    from ..stereo.cli import main as stereo
+
+    return stereo(["evaluate", str(dataset), "--methods", "bm,sgbm", "--out", str(dataset / "evaluation")])
+
+
+def _run_gallery(options: argparse.Namespace) -> int:
+    from ..stereo.environment import packages
+
+    packages.require(*packages.PACKAGES)
+    from ..stereo.images.gallery import write_picture, write_sheet
+    from ..stereo.trade.measure_variants import scaled_view
+
+    known = [name.removeprefix("gallery/") for name in preset_files.preset_names("gallery")]
+    out = options.out.absolute()
+    if unknown := sorted(set(options.only) - set(known)):
+        raise IcyMoonError(f"--only: no scene of the gallery is called {unknown[0]!r}; there are {', '.join(known)}.")
+    if not abs(options.stops) <= _MOST_STOPS:
+        raise IcyMoonError(f"--stops is {options.stops:g}, not a number from -{_MOST_STOPS:g} to {_MOST_STOPS:g}.")
+    ending = f"_{options.stops:+g}" if options.stops else ""
+    chosen, shown_on_sheet = options.only or known, []
+    described = {name: description.merged(description.defaults(), preset_files.load_preset(f"gallery/{name}"))
+                 for name in chosen}
+    check_abilities(described.values(), options.blender)
+    for name in known:
+        preset, picture = f"gallery/{name}", out / f"{name}{ending}.jpg"
+        title, text = preset_files.preset_header(preset)
+        command = f"icymoon render --preset {preset}"
+        if name in chosen:
+            printer.say(f"{title}. {text}: python -m {command} --out DATASET", at_once=True)
+            pair, = render_settings(scaled_view(described[name], options.scale), out, options.blender)
+            write_picture(pair, picture, options.stops)
+        if picture.is_file():
+            shown_on_sheet.append((picture, title, command))
+    sheet = out / f"gallery{ending}.jpg"
+    write_sheet(shown_on_sheet, sheet)
+    printer.say(str(sheet))
+    return 0

@@ -1,0 +1,40 @@
+"""Whether the sky of a date or of kernels is the one over the site of a map."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from ...typed_settings import LightSettings
+
+#: Angle on the body between two places, in degrees, by which their skies differ too; less is no other site.
+_APART_DEG = 0.1
+#: From which a turn of the map is more than its grid's convergence, as in ``formats.geotiff``.
+_TURNED_DEG = 1.0
+
+
+def doubt_sky(light: LightSettings, place: Mapping[str, Any] | None) -> list[str]:
+    """Sentences if directions follow from a date, and the ``place`` on a map (``geotiff.MapPlace.to_json``) is another
+    than that of the ``light`` settings, or its up is not north."""
+    if light.directions_from == "ANGLES" or place is None or place["latitude_deg"] is None:
+        return []
+    latitude, longitude = float(place["latitude_deg"]), float(place["longitude_deg"])
+    said = []
+    if _angle_deg((latitude, longitude), (light.latitude_deg, light.longitude_deg)) > _APART_DEG:
+        said.append(f"The map's site is at latitude {latitude:.4f}°, longitude {longitude:.4f}°, but the sky is that "
+                    f"of light.latitude_deg {light.latitude_deg:g} and light.longitude_deg {light.longitude_deg:g}; "
+                    f"set light.latitude_deg to {latitude:.4f} and light.longitude_deg to {longitude:.4f}.")
+    if abs(north := float(place["north_deg"])) > _TURNED_DEG:
+        said.append(f"North is {north:.1f}° clockwise of the map's up, from which the azimuths of a date are counted, "
+                    f"so the Sun stands {abs(north):.1f}° off; set light.directions_from to ANGLES, with the "
+                    f"elevation that icymoon sky prints and its azimuth plus {north % 360:.1f}°.")
+    return said
+
+
+def _angle_deg(one: tuple[float, float], other: tuple[float, float]) -> float:
+    """Angle in degrees between two places (latitude, longitude) in degrees, as seen from the centre of the body."""
+    a, b = ([math.cos(math.radians(latitude)) * math.cos(math.radians(longitude)),
+             math.cos(math.radians(latitude)) * math.sin(math.radians(longitude)), math.sin(math.radians(latitude))]
+            for latitude, longitude in (one, other))
+    return math.degrees(2 * math.asin(min(1.0, math.dist(a, b) / 2)))

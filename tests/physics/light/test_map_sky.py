@@ -1,0 +1,48 @@
+"""A sky that is not that of the map's site is said."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from icymoon.formats.geotiff import MapPlace
+from icymoon.physics.light.map_sky import doubt_sky
+from icymoon.settings.description import check, defaults, merged
+from icymoon.typed_settings import LightSettings, typed
+
+
+def light(**changes: object) -> LightSettings:
+    return typed(merged(defaults(), check({"light": {"directions_from": "DATE", **changes}}, "test"))).light
+
+
+def place(latitude: float | None, longitude: float | None, north: float = 0.0) -> dict:
+    return MapPlace("EPSG:1", 1.0, (0.0, 0.0), (1.0, 1.0), longitude, latitude, north).to_json()
+
+
+def test_a_site_elsewhere_is_said_and_its_fix_silences_it():
+    said, = doubt_sky(light(latitude_deg=10.0, longitude_deg=27.5), place(89.927, -180.0))
+    fixed = dict(re.findall(r"light\.(\w+) to (-?[\d.]+\d)", said))
+    assert set(fixed) == {"latitude_deg", "longitude_deg"}
+    assert not doubt_sky(light(**{key: float(value) for key, value in fixed.items()}), place(89.927, -180.0))
+
+
+@pytest.mark.parametrize(("latitude", "longitude"), [(-80.05, 0.0), (-80.0, 360.0), (-80.0, -360.0)])
+def test_the_same_site_is_not_doubted(latitude, longitude):
+    assert not doubt_sky(light(latitude_deg=-80.0, longitude_deg=0.0), place(latitude, longitude))
+
+
+def test_at_a_pole_longitudes_make_no_difference():
+    assert not doubt_sky(light(latitude_deg=90.0, longitude_deg=0.0), place(90.0, 133.0))
+
+
+def test_a_map_whose_up_is_not_north_turns_the_sun_of_a_date():
+    said, = doubt_sky(light(latitude_deg=80.0, longitude_deg=-90.0), place(80.0, -90.0, -90.0))
+    assert "90.0° off" in said
+    assert "azimuth plus 270.0°" in said
+    assert not doubt_sky(light(latitude_deg=80.0, longitude_deg=-90.0), place(80.0, -90.0, -0.5))
+
+
+def test_angles_and_files_without_a_map_are_not_doubted():
+    assert not doubt_sky(light(directions_from="ANGLES"), place(45.0, 10.0, 30.0))
+    assert not doubt_sky(light(), place(None, None))
+    assert not doubt_sky(light(), None)
