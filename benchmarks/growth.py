@@ -41,11 +41,10 @@ from pairs import Scene, write_pair
 _HEADINGS = 20
 
 
-PLAN_TEXT = """[plan]
+PLAN_TEXT = """dataset.headings = {headings}
+[plan]
 title = "Growth"
 seeds = {seeds}
-[dataset]
-headings = {headings}
 [terrain]
 resolution = 33
 [mesh]
