@@ -15,10 +15,18 @@ NOT_BAKED = -1.0e30
 
 #: Light groups of the Beauty layer, each a pass ``Combined_<group>``, and the setting that weighs it.
 LIGHT_GROUPS = {"Sun": "sun_scale", "Planet": "planet_scale"}
-_RADIANCE = {f"{BEAUTY}.Combined", *(f"{BEAUTY}.Combined_{group}" for group in LIGHT_GROUPS)}
+IMAGE_PASS = f"{BEAUTY}.Combined"
+GROUP_PASSES = tuple(f"{IMAGE_PASS}_{group}" for group in LIGHT_GROUPS)
+NORMAL_PASS = f"{TRUTH}.{NORMAL_AOV}"
+_RADIANCE = {IMAGE_PASS, *GROUP_PASSES}
 #: Passes (``LAYER.PASS``) that a pair's files store as 16-bit floats, by ``quality.half_floats``.
 ROUNDED = {"NONE": set[str](), "RADIANCE": _RADIANCE,
-           "RADIANCE_NORMALS": _RADIANCE | {f"{TRUTH}.Normal", f"{TRUTH}.{NORMAL_AOV}"}}
+           "RADIANCE_NORMALS": _RADIANCE | {f"{TRUTH}.Normal", NORMAL_PASS}}
+
+def rounded_passes(files: str, half_floats: str) -> set[str]:
+    """Passes that are stored as 16-bit floats with this ``quality.files`` and ``quality.half_floats``."""
+    return ROUNDED["RADIANCE_NORMALS" if files == "COMPACT" else half_floats]
+
 
 #: Values of the semantic channel (material index).
 SEMANTIC = {0: "sky", 1: "terrain", 2: "rock", 3: "lander", 4: "planet"}

@@ -1,11 +1,13 @@
-"""What 16-bit floats save and cost: bytes of each pass by codec, and what matchers make of rounded radiance.
+"""What compact files save and cost: bytes of each pass by codec, level and size of floats, and what they lose.
 
     python benchmarks/half_floats.py out/workspaces
 
-The pairs of a data set that was rendered with ``quality.half_floats`` NONE. The first table contains bytes per pixel of
-the first pair's left image, of 32 and of 16 bits, by OpenEXR's codecs (DWAA is lossy). The second one contains, of each
-pair and matcher, the mean error and the share that is wrong or missing, of full radiance and of rounded radiance.
-Needs the evaluator's packages.
+The pairs of a data set that was rendered with ``quality.files`` FULL. The first table contains bytes per pixel of the
+first pair's left image, of 32 and of 16 bits, by OpenEXR's codecs (DWAA is lossy). The second one contains, of the
+first pair, the bytes of each pass in full and in compact files, the CPU time of storing it compactly and the largest
+error; the third the bytes and the CPU time of a compact pair by zlib's level. The last one contains, of each pair and
+matcher, the mean error and the share that is wrong or missing, of full radiance and of rounded radiance. Needs the
+evaluator's packages.
 """
 
 from __future__ import annotations
@@ -13,15 +15,20 @@ from __future__ import annotations
 import argparse
 import os
 import tempfile
+import time
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
 import OpenEXR
-from icymoon.formats.exr_parts import assemble, read_pieces
-from icymoon.formats.exr_pixels import Pixels, round_passes
-from icymoon.labels import ROUNDED
+from icymoon.formats import exr_pixels
+from icymoon.formats.exr_add import is_sum_of_lights
+from icymoon.formats.exr_parts import Piece, assemble, read_pieces
+from icymoon.formats.exr_pixels import Pixels, drop_passes, round_passes
+from icymoon.labels import IMAGE_PASS, rounded_passes
 from icymoon.render.pairs.pair_folder import find_pair_folders
 from icymoon.stereo.images import exr
 from icymoon.stereo.matchers import match
@@ -57,10 +64,58 @@ def print_sizes(folder: Path) -> None:
                     for kind in (np.float32, np.float16)]
             cells.append(f"{each[0]:8.2f} {each[1]:7.2f}")
         print(f"{piece.name:32}" + "".join(cells), flush=True)
-    for choice in ROUNDED:
-        total = sum(len(assemble([round_passes(piece, ROUNDED[choice]) for piece in read_pieces(
-            (folder / f"{eye}.exr").read_bytes())])) for eye in ("left", "right"))
-        print(f"a pair with half_floats {choice}: {total / 1e6:.1f} MB")
+
+
+def compact(data: bytes) -> Iterator[tuple[Piece, Piece | None, float]]:
+    """Of each part of a full file: as it is, as compact files have it, and the processor seconds of that."""
+    start = time.process_time()
+    twice = {IMAGE_PASS} if is_sum_of_lights(data) else set[str]()
+    spent = time.process_time() - start
+    for piece in read_pieces(data):
+        start = time.process_time()
+        kept = drop_passes(piece, twice)
+        kept = kept and round_passes(kept, rounded_passes("COMPACT", "NONE"))
+        # The question whether the image is a sum counts as the image's time.
+        yield piece, kept, time.process_time() - start + (spent if piece.name.split("-")[0] == IMAGE_PASS else 0.0)
+
+
+def largest_error(piece: Piece, kept: Piece) -> str:
+    """The largest angle between normals, the largest relative error of other passes."""
+    full, less = (np.float64(Pixels(each).decode()) for each in (piece, kept))
+    if "Normal" in piece.name:
+        known = (full != 0).any(axis=1)
+        sine = np.linalg.norm(np.cross(full, less, axis=1), axis=1) / np.linalg.norm(less, axis=1).clip(1e-9)
+        angle = np.degrees(np.arcsin(sine[known].clip(0, 1)))
+        return f"{angle.max():.4f}° (rms {np.sqrt(np.mean(angle**2)):.4f}°)"
+    off = np.abs(full - less)
+    if not off.any():
+        return "none"
+    relative = np.divide(off, np.abs(full), out=np.zeros_like(full), where=full != 0)
+    return f"{relative.max():.2e} (rms {np.sqrt((off**2).sum() / (full**2).sum()):.2e})"
+
+
+def print_compact(folder: Path) -> None:
+    """Print the bytes of each pass in full and in compact files, and of a compact pair by zlib's level."""
+    print(f"{'MB of a pair':32}{'full':>8}{'compact':>9}{'CPU-s':>7}  largest error of the left image")
+    rows: dict[str, list[float]] = {}
+    errors: dict[str, str] = {}
+    files = [(folder / f"{eye}.exr").read_bytes() for eye in ("left", "right")]
+    for data in files:
+        for piece, kept, spent in compact(data):
+            name = piece.name.split("-")[0]
+            sizes = (sum(map(len, each.chunks)) / 1e6 if each else 0.0 for each in (piece, kept))
+            rows[name] = [a + b for a, b in zip(rows.get(name, [0.0] * 3), (*sizes, spent), strict=True)]
+            errors.setdefault(name, largest_error(piece, kept) if kept else "is the sum of its lights")
+    for name, (before, after, spent) in rows.items():
+        print(f"{name:32}{before:8.3f}{after:9.3f}{spent:7.3f}  {errors[name]}")
+    before, after, spent = np.sum(list(rows.values()), axis=0)
+    print(f"{'all':32}{before:8.3f}{after:9.3f}{spent:7.3f}", flush=True)
+    compress = zlib.compress
+    for level in (1, 4, 6, 9):
+        with patch.object(exr_pixels.zlib, "compress", lambda data, _, level=level: compress(data, level)):
+            start = time.process_time()
+            total = sum(len(assemble([kept for _, kept, _ in compact(data) if kept])) for data in files)
+            print(f"zlib's level {level}: {total / 1e6:.3f} MB, {time.process_time() - start:.2f} CPU-s", flush=True)
 
 
 def disparity_errors(folder: Path, methods: Any) -> dict[str, tuple[float, float]]:
@@ -106,4 +161,5 @@ if __name__ == "__main__":
     given = parser.parse_args()
     pairs = find_pair_folders(given.dataset)[:given.pairs]
     print_sizes(pairs[0])
-    print_errors(pairs, parse_methods("bm,sgbm"))
+    print_compact(pairs[0])
+    print_errors(pairs, parse_methods("bm,sgbm,jplv"))

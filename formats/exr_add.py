@@ -10,11 +10,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..labels import BAKED_AOVS, BEAUTY
+from ..labels import BAKED_AOVS, BEAUTY, GROUP_PASSES, IMAGE_PASS
 from .exr_parts import assemble, read_pieces, strip_passing
 from .exr_pixels import Pixels
 
-_IMAGE, _PLANET = f"{BEAUTY}.Combined", f"{BEAUTY}.Combined_Planet"
+_PLANET = f"{IMAGE_PASS}_Planet"
+#: How far an image may be from the sum of its lights, relative: a few roundings in single precision.
+_SUM_ERROR = 2.0**-20
 
 
 def _find_bands(parts: list[Pixels], wanted: str) -> dict[str, tuple[int, int]]:
@@ -26,7 +28,7 @@ def _find_bands(parts: list[Pixels], wanted: str) -> dict[str, tuple[int, int]]:
 def _read_bands(parts: list[Pixels], wanted: str) -> dict[str, np.ndarray]:
     """The bands R, G and B of a pass, each (height, width) float32. Raises KeyError if there is none."""
     found = _find_bands(parts, wanted)
-    decoded = {number: parts[number].decode() for number, _ in found.values()}
+    decoded = {number: parts[number].decode() for number in {number for number, _ in found.values()}}
     return {band: decoded[found[band][0]][:, found[band][1]] for band in "RGB"}
 
 
@@ -36,7 +38,7 @@ def add_planet(image: bytes, planet: bytes) -> bytes:
     Raises ValueError, KeyError or OverBudgetError for what cannot be added.
     """
     light = _read_bands([Pixels(piece) for piece in read_pieces(planet)], _PLANET)
-    return _add(image, {_IMAGE: light, _PLANET: light})[0]
+    return _add(image, {IMAGE_PASS: light, _PLANET: light})[0]
 
 
 def add_baked(image: bytes) -> tuple[bytes, dict[str, float]]:
@@ -54,9 +56,25 @@ def add_baked(image: bytes) -> tuple[bytes, dict[str, float]]:
     added = {f"{BEAUTY}.Combined_{group}": bands for group, bands in light.items()
              if _find_bands(parts, f"{BEAUTY}.Combined_{group}")}
     whole = {band: np.sum([bands[band] for bands in light.values()], axis=0, dtype=np.float32) for band in "RGB"}
-    image, total = _add(image, {_IMAGE: whole, **added})
+    image, total = _add(image, {IMAGE_PASS: whole, **added})
     return image, {group: sum(float(values.sum(dtype=np.float64)) for values in bands.values()) / total
                    if total > 0 else 0.0 for group, bands in light.items()}
+
+
+def is_sum_of_lights(image: bytes) -> bool:
+    """Whether the image in an EXR file is the sum of its light groups, so that it need not be stored beside them.
+
+    It is not if it was denoised, or has no groups, or is of a kind that is not read here. Raises OverBudgetError, and
+    ValueError for what is no EXR file.
+    """
+    pieces = read_pieces(image)
+    try:
+        parts = [Pixels(piece) for piece in pieces]
+        whole, *lights = (_read_bands(parts, name) for name in (IMAGE_PASS, *GROUP_PASSES))
+    except (KeyError, ValueError):
+        return False
+    sums = {band: np.sum([light[band] for light in lights], axis=0) for band in "RGB"}
+    return all((np.abs(sums[band] - whole[band]) <= _SUM_ERROR * np.abs(whole[band])).all() for band in "RGB")
 
 
 def _add(image: bytes, light: Mapping[str, Mapping[str, np.ndarray]]) -> tuple[bytes, float]:
@@ -72,5 +90,5 @@ def _add(image: bytes, light: Mapping[str, Mapping[str, np.ndarray]]) -> tuple[b
             if number not in values:
                 values[number] = parts[number].decode()
             values[number][:, k] += bands[band]
-            total += float(values[number][:, k].sum(dtype=np.float64)) if wanted == _IMAGE else 0.0
+            total += float(values[number][:, k].sum(dtype=np.float64)) if wanted == IMAGE_PASS else 0.0
     return assemble([parts[k].encode(values[k]) if k in values else piece for k, piece in enumerate(made)]), total

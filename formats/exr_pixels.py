@@ -22,8 +22,8 @@ _HALF, _FLOAT = 1, 2
 _TYPES = {_HALF: "<f2", _FLOAT: "<f4"}
 #: Root mean square of what rounding to 16 bits changes, relative to the values, where none is too small for them.
 _ROUNDED = 2.0**-11
-#: What follows a channel's name in a header: 32-bit floats, not to be compressed as if they were seen, every pixel.
-_ENTRY = b"\0" + struct.pack("<4i", _FLOAT, 0, 1, 1)
+#: What follows a channel's name in a header, by type: not to be compressed as if it were seen, every pixel.
+_ENTRIES = {kind: b"\0" + struct.pack("<4i", kind, 0, 1, 1) for kind in _TYPES}
 
 
 class Pixels:
@@ -41,6 +41,10 @@ class Pixels:
         self._compression = piece.value(b"compression")[0]
         self._lines = _LINES[self._compression]
         self._width, self._height = right - left + 1, bottom - self._top + 1
+
+    def is_half(self, channel: str) -> bool:
+        """Whether a channel is stored as 16-bit floats."""
+        return _type_of(self._stated[channel]) == _HALF
 
     @property
     def _line(self) -> np.dtype:
@@ -80,7 +84,7 @@ class Pixels:
 
     def replace_channels(self, name: str, components: Sequence[str], values: np.ndarray) -> Piece:
         """A part of the same size with other channels: ``name`` and a component, values (height, channel, width)."""
-        channels = b"".join(f"{name}.{component}".encode() + _ENTRY for component in components) + b"\0"
+        channels = b"".join(f"{name}.{component}".encode() + _ENTRIES[_FLOAT] for component in components) + b"\0"
         attributes = {**self._piece.attributes, b"name": encode_attribute("name", "string", name.encode()),
                       b"channels": encode_attribute("channels", "chlist", channels)}
         line = np.dtype([(component, "<f4", (self._width,)) for component in components])
@@ -101,12 +105,13 @@ class Pixels:
         return chunks
 
 
-def encode_part(name: str, channels: Mapping[str, np.ndarray]) -> Piece:
-    """A part, a pass by its ``name``, of 32-bit floats (H, W) by the names of their components."""
+def encode_part(name: str, channels: Mapping[str, np.ndarray], half: bool = False) -> Piece:
+    """A part, a pass by its ``name``, of 32-bit floats (H, W) by the names of their components, or of 16-bit ones with
+    ``half``."""
     height, width = next(iter(channels.values())).shape
     window = struct.pack("<4i", 0, 0, width - 1, height - 1)
     components = sorted(channels)
-    listed = b"".join(f"{name}.{each}".encode() + _ENTRY for each in components) + b"\0"
+    listed = b"".join(f"{name}.{each}".encode() + _ENTRIES[_HALF if half else _FLOAT] for each in components) + b"\0"
     stated = {"channels": ("chlist", listed), "compression": ("compression", bytes([_ZIP])),
               "dataWindow": ("box2i", window), "displayWindow": ("box2i", window), "lineOrder": ("lineOrder", b"\0"),
               "name": ("string", name.encode()), "pixelAspectRatio": ("float", struct.pack("<f", 1.0)),
@@ -183,7 +188,8 @@ def round_passes(piece: Piece, passes: Collection[str]) -> Piece:
         pixels = Pixels(piece)
     except (KeyError, ValueError):
         return piece
-    named = [k for k, name in enumerate(pixels.channels) if ".".join(name.split(".")[:2]) in passes]
+    named = [k for k, name in enumerate(pixels.channels)
+             if ".".join(name.split(".")[:2]) in passes and not pixels.is_half(name)]
     if not named:
         return piece
     decoded = pixels.decode()

@@ -122,7 +122,7 @@ SECTIONS = (
     Section("quality", "indirect", "Indirect Light", "Light between parts of the ground, baked once for many images", (
         "indirect", "direct_samples", "bake_area", "bake_samples", "bake_noise")),
     _advanced("quality", "noise_threshold", "diffuse_bounces", "walk_px", "fine_relief", "truth", "truth_by",
-              "half_floats", "device", "threads"),
+              "files", "half_floats", "device", "threads"),
 )
 #: Settings that the panel of another topic draws: the tick in a header, the plan, the matchers.
 ELSEWHERE = {"rocks": ("own_surface",), "dataset": ("plan", "workers", "evaluate", "leave_running", "methods"),

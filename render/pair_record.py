@@ -48,11 +48,18 @@ def _eye_pose(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     return turned
 
 
-def _channels(truth: str) -> dict[str, Any]:
-    """What the images contain with this ``quality.truth``, in words."""
+#: What files of ``quality.files`` COMPACT have lost, in words.
+_COMPACT = ("radiance as 16-bit floats, off by at most 0.05 % or 3e-8, unless 16 bits cannot carry it; normals as "
+            "16-bit floats, off by at most 0.03°; no Beauty.Combined where it is the sum of Combined_Sun and "
+            "Combined_Planet; all else in 32 bits")
+
+
+def _channels(truth: str, files: str) -> dict[str, Any]:
+    """What the images contain with this ``quality.truth`` and these ``quality.files``, in words."""
     light: dict[str, Any] = {"radiance": "W/(m² sr), linear, in the bands R, G, B at 620, 550, 460 nm: over all "
                                          "wavelengths, if all light were as bright, relative to sunlight, as there",
-                             "depth": "planar Z in m at pixel centres, sky 1e10"}
+                             "depth": "planar Z in m at pixel centres, sky 1e10",
+                             **({"stored": _COMPACT} if files == "COMPACT" else {})}
     if truth == "DEPTH":
         return light
     light["semantic"] = {str(k): v for k, v in SEMANTIC.items()}
@@ -95,7 +102,7 @@ def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], 
         "blur": blur.to_json() if blur else None,
         "light": light,
         "left_out": _left_out(built, settings, indirect), "advice": refused_scenes.scene_advice(settings),
-        "channels": _channels(settings.quality.truth),
+        "channels": _channels(settings.quality.truth, settings.quality.files),
         "seeds": {"dataset": settings.dataset.seed, "render": planned.render_seed},
         "versions": {"blender": bpy.app.version_string, "python": platform.python_version(),
                      "numpy": np.__version__, "icymoon": version()},

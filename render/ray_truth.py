@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import bpy
@@ -17,8 +17,9 @@ from .pairs.pair_folder import EYES, StereoCamera
 
 
 def trace_truth(stage: Stage, files: Mapping[str, Path], camera: StereoCamera, poses: Mapping[str, np.ndarray],
-                lens: bpy.types.Camera, toed: bool, wanted: str) -> None:
-    """Write the truth of both eyes that is ``wanted``, as in ``quality.truth``, into ``files``, by eye.
+                lens: bpy.types.Camera, toed: bool, wanted: str, rounded: Collection[str]) -> None:
+    """Write the truth of both eyes that is ``wanted``, as in ``quality.truth``, into ``files``, by eye; the passes
+    ``rounded`` as 16-bit floats.
 
     ``poses`` are the camera-to-world matrices (4, 4) of the parallel eyes; with ``toed`` they are turned in. What
     ``lens`` does not see for its clipping has no truth.
@@ -30,15 +31,15 @@ def trace_truth(stage: Stage, files: Mapping[str, Path], camera: StereoCamera, p
             for eye in EYES}
     for eye, truth in trace_eyes(stage, eyes, camera.baseline_m, lens.clip_start, lens.clip_end).items():
         with explain_disk_errors("write", files[eye]):
-            files[eye].write_bytes(encode_truth(truth, wanted))
+            files[eye].write_bytes(encode_truth(truth, wanted, rounded))
 
 
 #: Passes by ``quality.truth``; all of them if it is none of these.
 _PASSES = {"DEPTH": ("Depth",), "SEMANTIC": ("Depth", "Material Index")}
 
 
-def encode_truth(truth: EyeTruth, wanted: str = "FULL") -> bytes:
-    """An EXR file of the truth of an eye that is ``wanted``."""
+def encode_truth(truth: EyeTruth, wanted: str = "FULL", rounded: Collection[str] = ()) -> bytes:
+    """An EXR file of the truth of an eye that is ``wanted``, with the passes ``rounded`` as 16-bit floats."""
     rocks = truth.number >= FIRST_ROCK_INSTANCE
     passes = {
         "Depth": {"Z": np.where(np.isinf(truth.depth_m), SKY_DEPTH_M, truth.depth_m)},
@@ -47,5 +48,5 @@ def encode_truth(truth: EyeTruth, wanted: str = "FULL") -> bytes:
         NORMAL_AOV: dict(zip("RGB", np.moveaxis(truth.normal, -1, 0), strict=True)),
         INSTANCE_AOV: {"X": np.where(rocks, truth.number, 0)},
         HIDDEN: {"X": truth.hidden}}
-    return assemble([encode_part(f"{TRUTH}.{name}", channels) for name, channels in passes.items()
-                     if name in _PASSES.get(wanted, passes)])
+    return assemble([encode_part(f"{TRUTH}.{name}", channels, f"{TRUTH}.{name}" in rounded)
+                     for name, channels in passes.items() if name in _PASSES.get(wanted, passes)])

@@ -16,11 +16,11 @@ import numpy as np
 from .. import system
 from ..errors import DiskError, IcyMoonError
 from ..files import explain_disk_errors, part_of, sha256, write_json
-from ..formats.exr_add import add_baked, add_planet
+from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights
 from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import Piece, join_files
 from ..formats.exr_pixels import drop_passes, round_passes
-from ..labels import BEAUTY, ROUNDED, TRUTH
+from ..labels import BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
 from ..nodes.datablocks.fingerprint import built_objects
 from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
@@ -195,6 +195,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
     takes = _camera_setups(camera, blur, _is_full(planned))
     quality = direct_quality(settings.quality) if indirect.lights else settings.quality
+    rounded = rounded_passes(quality.files, quality.half_floats)
     files: dict[str, dict[str, Path]] = {}
     shares: dict[str, dict[str, float]] = {}
     start = time.perf_counter()
@@ -222,7 +223,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                         elif stage is not None:
                             made = {eye: stem.with_name(f"{stem.name}-{eye}.exr") for eye in EYES}
                             trace_truth(stage, made, camera, poses, scene.camera.data, take.toed,
-                                        settings.quality.truth)
+                                        settings.quality.truth, rounded)
                         else:
                             made = _render_truth(scene, built, stem, planned, camera, take.toed)
                         for eye, file in made.items():
@@ -234,8 +235,8 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
             _write_workspace(part / WORKSPACE_FILE, built, scene, settings)
     rendered = time.perf_counter() - start
     start = time.perf_counter()
-    rounded = ROUNDED[quality.half_floats]
-    written = {name: _merge_layers(layers, part / name, rounded) for name, layers in sorted(files.items())}
+    written = {name: _merge_layers(layers, part / name, rounded, quality.files == "COMPACT")
+               for name, layers in sorted(files.items())}
     if settings.workspace.cell_m > 0:
         written[WORKSPACE_FILE] = _fact_of(part / WORKSPACE_FILE)
     return {**pair_json(built, planned, poses, light, written, {
@@ -355,17 +356,20 @@ def _run_cycles(scene: bpy.types.Scene, files: dict[str, Path], planned: Planned
                             "the disk is full or the folder may not be written to.")
 
 
-def _merge_layers(written: dict[str, Path], final: Path, rounded: set[str]) -> dict[str, Any]:
+def _merge_layers(written: dict[str, Path], final: Path, rounded: set[str], compact: bool) -> dict[str, Any]:
     """Put the layers that Blender wrote into one file, flush it and return its size and checksum.
 
-    The passes ``rounded`` are stored as 16-bit floats.
+    The passes ``rounded`` are stored as 16-bit floats. A ``compact`` file has no image that is the sum of its lights.
     """
-    def less(piece: Piece) -> Piece | None:
-        kept = drop_passes(piece, passes.UNWANTED)
-        return kept and round_passes(kept, rounded)
-
     with explain_disk_errors("write", final):
-        final.write_bytes(join_files({name: file.read_bytes() for name, file in written.items()}, less))
+        layers = {name: file.read_bytes() for name, file in written.items()}
+        twice = {IMAGE_PASS} if compact and BEAUTY in layers and is_sum_of_lights(layers[BEAUTY]) else set[str]()
+
+        def less(piece: Piece) -> Piece | None:
+            kept = drop_passes(piece, passes.UNWANTED | twice)
+            return kept and round_passes(kept, rounded)
+
+        final.write_bytes(join_files(layers, less))
         for file in written.values():
             system.remove(file)
         system.flush(final)

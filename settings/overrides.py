@@ -595,6 +595,7 @@ class QualityOverrides(TypedDict, total=False):
     bake_area: Literal["GROUND", "VIEW"]
     bake_samples: int  # samples
     bake_noise: float
+    files: Literal["COMPACT", "FULL"]
     half_floats: Literal["NONE", "RADIANCE", "RADIANCE_NORMALS"]
     truth: Literal["FULL", "SEMANTIC", "DEPTH"]
     truth_by: Literal["RAYS", "CYCLES"]

@@ -1114,8 +1114,15 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
             "Noise of baked light over all light at which it gets no more samples, and above which an image is traced "
             "after all. It passes for texture, so keep it under the noise of the sensor. 0 for no limit",
             "sampling", "1", 0.0, 1.0, (0.0, 0.05)),
-    Setting("half_floats", "Half Floats", "NONE", "What the files store in 16 instead of 32 bits. Depth and labels are "
-            "exact in any case", "sampling",
+    Setting("files", "Files", "COMPACT", "How values are stored. Depth, labels and hidden pixels are exact in any case",
+            "run",
+            choices=(("COMPACT", "Compact", "Radiance and normals in 16 bits: light is rounded by at most 0.05 %, far "
+                      "below its noise, normals by at most 0.03°. The image is not stored beside the lights that it is "
+                      "the sum of"),
+                     ("FULL", "Full", "All values in 32 bits as rendered, but for what half_floats states. Files are "
+                      "about twice as large"))),
+    Setting("half_floats", "Half Floats", "NONE", "What full files store in 16 instead of 32 bits. It counts in the "
+            "names of pairs, unlike files", "sampling",
             choices=(("NONE", "Nothing", "All values as rendered"),
                      ("RADIANCE", "Radiance", "Rounded by at most 0.05 %. Files are a quarter smaller with the whole "
                       "truth, and half with depth alone"),

@@ -15,7 +15,7 @@ import numpy as np
 from ..errors import IcyMoonError
 from ..number_text import count_of
 from ..physics.random_numbers.seeds import generator
-from ..render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair
+from ..render.pairs.pair_folder import EYES, Pair, find_pairs
 from ..render.pairs.scene_splits import check_splits, scene_of, split_of, splits_of
 from ..settings.description import check, merged
 from ..settings.preset_files import load_preset
@@ -45,7 +45,7 @@ class Dataset:
                  seed: int = 0) -> None:
         stated = None if splits is None else check_splits(splits)
         roots = [paths] if isinstance(paths, str | Path) else list(paths)
-        found = [read_pair(folder) for root in roots for folder in find_pair_folders(Path(root))]
+        found = [pair for root in roots for pair in find_pairs(Path(root))]
         sets = {pair.folder.parent.parent for pair in found}
         shares = {dataset: splits_of(dataset) if stated is None else stated for dataset in sets}
         known = list(dict.fromkeys(name for each in shares.values() for name in each))

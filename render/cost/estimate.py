@@ -16,6 +16,7 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...formats import mesh_file
+from ...labels import IMAGE_PASS, NORMAL_PASS, rounded_passes
 from ...number_text import count_of
 from ...paper_stand_ins.items import mesh_item
 from ...physics.mesh.grading import grade
@@ -44,17 +45,42 @@ _PAIR_S, _PAIR_S_PER_MTRI = 0.05, 0.6
 _S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 2.06, 3.5
 #: By ``quality.truth_by``; and the trees for rays, once a scene (``benchmarks/truth_cost.py``).
 _TRUTH_S_PER_MPX, _RAYS_S_PER_MTRI = {"CYCLES": 5.6, "RAYS": 1.7}, 1.0
-#: Bytes of a pass per pixel that shows ground, of images of 160 columns (``benchmarks/disk.py``). Light of ice in
-#: sunlight is the same in three bands, so it takes a third of what it could; samples add values, to the most.
-_DEPTH, _NORMAL, _LIGHT, _DENOISED = 4.0, 11.9, 4.2, 12.0
-_LIGHT_OF_ONE_SAMPLE, _LIGHT_PER_DOUBLING = 2.6, 0.4
-_SUN_GROUP, _PLANET_GROUP = 0.97, 0.7  # of the whole light's
-#: Normals of facets are the same on all pixels of one: with edges of e pixels on the screen they take the fraction
-#: 1 - exp(-a e^b) of the normals', on a grid the third number; then what rocks add with their labels, and the rest.
-_FACETS, _FACETS_POWER, _FACETS_GRID, _ROCK_LABELS, _REST = 10.8, -1.21, 0.9, 1.0, 0.2
+
+
+@dataclass(frozen=True)
+class _LightBytes:
+    """Bytes of light per pixel that shows ground, of images of 160 columns (``benchmarks/disk.py``). Light of ice in
+    sunlight is the same in three bands, so it takes a third of what it could; samples add values, to the most."""
+
+    one_sample: float
+    per_doubling: float
+    most: float
+    denoised: float
+    sun: float  # of the light groups, over those of the whole light
+    planet: float
+    coloured: float  # of a planet with colours of its own, whose light is not the same in three bands
+
+
+@dataclass(frozen=True)
+class _NormalBytes:
+    """Bytes of normals per pixel, alike. Those of facets are the same on all pixels of one: with edges of e pixels on
+    the screen they take the fraction 1 - exp(-a e^b) of the ``most``."""
+
+    shading: float
+    most: float
+    edges: float
+    power: float
+    grid: float  # on a grid, of the most
+
+
+#: By whether they are stored as 16-bit floats.
+_LIGHT = {False: _LightBytes(2.6, 0.4, 4.2, 12.0, 0.97, 0.7, 1.9),
+          True: _LightBytes(0.84, 0.25, 1.87, 3.87, 0.93, 1.04, 1.95)}
+_NORMALS = {False: _NormalBytes(11.9, 10.35, 10.8, -1.21, 0.9), True: _NormalBytes(4.3, 4.9, 7.7, -0.987, 0.87)}
+#: Bytes of depth, of what rocks add to labels and normals, and of the rest.
+_DEPTH, _ROCK_LABELS, _REST = 4.0, 1.0, 0.2
+#: Normals of facets by rays, over those by Cycles, which have an alpha of 1 too.
 _FACETS_OF_RAYS = 0.87
-#: Light and normals as 16-bit floats, over those of 32 bits (``benchmarks/half_floats.py``).
-_HALF_LIGHT, _HALF_NORMAL = 0.4, 0.5
 #: Neighbours in larger images are more alike: bytes of twice the columns over those of one.
 _DOUBLE_WIDTH = 0.982
 #: Cost of a sample over that with Lambert's law and shaded relief, without the relief. Bounces count for little: on
@@ -121,26 +147,30 @@ def _pixels(settings: Settings) -> int:
 def bytes_of(settings: Settings) -> float:
     """Bytes of the files of a pair with these complete settings, before any pair of the scene is known."""
     quality, light = image_quality(settings), settings.light
+    rounded = rounded_passes(quality.files, quality.half_floats)
+    stored = _LIGHT[IMAGE_PASS in rounded]
     samples = samples_taken(quality.samples, quality.noise_threshold)
-    noisy = min(_LIGHT, _LIGHT_OF_ONE_SAMPLE + _LIGHT_PER_DOUBLING * math.log2(samples))
-    seen = _DENOISED if quality.denoiser != "NONE" else noisy
+    noisy = min(stored.most, stored.one_sample + stored.per_doubling * math.log2(samples))
+    coloured = light.planet and light.planet_face != "PLAIN"
+    denoised = quality.denoiser != "NONE"
+    seen = stored.denoised if denoised else noisy * (stored.coloured if coloured else 1.0)
     if light.planet or light.stars:
-        seen += (_SUN_GROUP + _PLANET_GROUP) * noisy
+        beside = 0.0 if quality.files == "COMPACT" and not denoised else seen
+        seen = beside + (stored.sun + (stored.coloured if coloured else stored.planet)) * noisy
     copies = 1 + (settings.rig.toe_in_deg != 0)  # the rectified rig's truth, and that of eyes that are turned
-    seen *= _HALF_LIGHT if quality.half_floats != "NONE" else 1.0
-    # Cycles' truth has normals of shading too, and an alpha of 1 beside those of facets.
-    shape = _facets(settings) * _FACETS_OF_RAYS if quality.truth_by == "RAYS" else _NORMAL + _facets(settings)
-    shape *= _HALF_NORMAL if quality.half_floats == "RADIANCE_NORMALS" else 1.0
-    truth = _DEPTH + shape if quality.truth == "FULL" else _DEPTH
+    truth = _DEPTH + _shape(settings, _NORMALS[NORMAL_PASS in rounded]) if quality.truth == "FULL" else _DEPTH
     larger = _DOUBLE_WIDTH ** math.log2(settings.rig.width_px / 160.0)
     return _pixels(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _REST)
 
 
-def _facets(settings: Settings) -> float:
-    """Bytes per pixel of the normals of facets, and of labels."""
+def _shape(settings: Settings, stored: _NormalBytes) -> float:
+    """Bytes per pixel of normals and labels. Cycles' truth has normals of shading too."""
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
-    fraction = 1.0 - math.exp(-_FACETS * settings.mesh.edge_px ** _FACETS_POWER) if graded else _FACETS_GRID
-    return _NORMAL * fraction + _ROCK_LABELS * (settings.rocks.coverage > 0)
+    fraction = 1.0 - math.exp(-stored.edges * settings.mesh.edge_px ** stored.power) if graded else stored.grid
+    labels = _ROCK_LABELS * (settings.rocks.coverage > 0)
+    if settings.quality.truth_by == "RAYS":
+        return stored.most * fraction + labels
+    return stored.shading + stored.most * fraction / _FACETS_OF_RAYS + labels
 
 
 def sky_fraction(settings: Settings) -> float:

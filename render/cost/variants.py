@@ -40,7 +40,7 @@ GROUPS = {
     "indirect": "light between parts of the ground, traced in every image or baked once for all",
     "shortcuts": "parts that may be left out: subsurface scattering, fine relief for rays other than the camera's, "
                  "labels and normals",
-    "files": "radiance and normals in 16 instead of 32 bits",
+    "files": "radiance and normals in 16 instead of 32 bits, and the image beside the lights that it is the sum of",
     "subsurface": "model of subsurface scattering",
     "glints": "facets of snow that mirror the Sun, most to one eye only",
     "mesh": "largest error of the ground's mesh",
@@ -158,9 +158,9 @@ def _variants_of(group: str, settings: Settings) -> list[Variant]:
                             (part.without, {"quality": {part.key: part.lean}}))) for part in _shortcuts(settings)),
                 *(labels if quality.truth == "FULL" else [])]
     if group == "files":
-        stored = {"radiance in 16 bits": "RADIANCE", "radiance and normals in 16 bits": "RADIANCE_NORMALS",
-                  "all in 32 bits": "NONE"}
-        return [variant(name, {"quality": {"half_floats": choice}}) for name, choice in stored.items()]
+        # Of the same render, since ``files`` does not count in ids: what differs is what files lose.
+        return [variant("compact", {"quality": {"files": "COMPACT"}}),
+                variant("all in 32 bits", {"quality": {"files": "FULL", "half_floats": "NONE"}})]
     if group == "relief":
         surface = settings.surface
         reliefs = {"painted": "BUMP", "real": "REAL"}

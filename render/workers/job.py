@@ -11,7 +11,8 @@ from ...errors import IcyMoonError
 from ...file_shapes import COUNT, FLAG, PATH, TABLE, TEXT, WHOLE, Each, Maybe, read_record
 from ...files import absolute_path, explain_disk_errors
 from ...scratch import make_scratch_folder
-from ...settings.description import Restorer, Tables
+from ...settings.description import Restorer
+from ...settings.shared_settings import find_shared, with_shared, without_shared
 from ...system import is_python, remove_folder
 from ...typed_settings import Settings
 from ...version import ROOT
@@ -58,32 +59,8 @@ def read_job(file: Path) -> dict[str, Any]:
 def read_planned_pairs(job: Mapping[str, Any]) -> list[PlannedPair]:
     """The planned pairs of a job, each with its own settings beside those that all share."""
     restore, shared = Restorer(), job.get("shared", {})
-    found = []
-    for pair in job["pairs"]:
-        own = pair["settings"]
-        tables = {topic: {**shared.get(topic, {}), **own.get(topic, {})} for topic in {**shared, **own}}
-        found.append(PlannedPair(checked_id(pair["id"], "The job"), restore(tables, "job"), 0.0))
-    return found
-
-
-def _find_shared(pairs: Sequence[PlannedPair]) -> Tables:
-    """The settings that all of these pairs have, and with one value."""
-    shared = {}
-    for topic, table in pairs[0].settings.items() if pairs else ():
-        # Pairs share most of their tables; each is compared once.
-        others = {id(pair.settings.get(topic)): pair.settings.get(topic, {}) for pair in pairs[1:]}.values()
-        # 0.0 and -0.0 are equal, and give other ids.
-        shared[topic] = {key: value for key, value in table.items()
-                         if all(other is table or (key in other and repr(other[key]) == repr(value))
-                                for other in others)}
-    return shared
-
-
-def _describe_pair(pair: PlannedPair, shared: Tables) -> dict[str, Any]:
-    """A pair in a job, without what it shares with the others."""
-    own = {topic: {key: value for key, value in table.items() if key not in shared.get(topic, {})}
-           for topic, table in pair.settings.items()}
-    return {"id": pair.id, "settings": {topic: table for topic, table in own.items() if table}}
+    return [PlannedPair(checked_id(pair["id"], "The job"), restore(with_shared(pair["settings"], shared), "job"), 0.0)
+            for pair in job["pairs"]]
 
 
 class Job:
@@ -100,11 +77,13 @@ class Job:
         self.folder = make_scratch_folder()
         self.blend = self.folder / "scene.blend"
         self.file = self.folder / "job.json"
-        shared = _find_shared(pairs)
+        shared = find_shared(pair.settings for pair in pairs)
         with explain_disk_errors("write a job to", self.folder):
             job: Mapping[str, Any] = {"settings": settings, "dataset": str(dataset), "again": again, "repeat": repeat,
                                       "blend": str(self.blend) if scene else None, "scene": scene, "threads": threads,
-                                      "shared": shared, "pairs": [_describe_pair(pair, shared) for pair in pairs]}
+                                      "shared": shared,
+                                      "pairs": [{"id": pair.id, "settings": without_shared(pair.settings, shared)}
+                                                for pair in pairs]}
             self.file.write_text(json.dumps(job), encoding="utf-8")
 
     def discard(self) -> None:

@@ -22,7 +22,17 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...formats.exr_layout import KIND, MOST_BYTES, check_decodable
 from ...formats.exr_pixels import decode_parts
-from ...labels import BEAUTY, HIDDEN, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, SKY_DEPTH_M, TRUTH
+from ...labels import (
+    BEAUTY,
+    GROUP_PASSES,
+    HIDDEN,
+    IMAGE_PASS,
+    INSTANCE_AOV,
+    LIGHT_GROUPS,
+    NORMAL_AOV,
+    SKY_DEPTH_M,
+    TRUTH,
+)
 from ...render.pairs.pair_folder import EYES
 from ...scratch import scratch_folder
 from ...support.foreign_bytes import ForeignBytes, Parsed, explained
@@ -30,8 +40,7 @@ from ...support.foreign_bytes import read as read_foreign
 from ..environment.packages import is_in_blender
 from .exr_passes import only_passes, only_rows, without_passes
 
-#: Passes that tell the light groups apart, the objects, and the slope.
-GROUP_PASSES = tuple(f"{BEAUTY}.Combined_{group}" for group in LIGHT_GROUPS)
+#: Passes that tell the objects apart, and the slope.
 OBJECT_PASSES = tuple(f"{TRUTH}.{name}" for name in ("Object Index", "IndexOB", INSTANCE_AOV))
 NORMAL_PASSES = tuple(f"{TRUTH}.{name}" for name in ("Normal", NORMAL_AOV))
 
@@ -73,7 +82,8 @@ def read_view(path: Path, eye: str | None = None, without: Collection[str] = (),
     """
     channels = _read_channels(path, eye, without=without, rows=rows)
     truth = _truth(channels, path)
-    return View(*_light(channels, path), truth.depth, truth.normal, truth.instance, truth.semantic, truth.hidden)
+    light = _light(channels, path, not set(GROUP_PASSES) <= set(without))
+    return View(light.radiance, light.groups, truth.depth, truth.normal, truth.instance, truth.semantic, truth.hidden)
 
 
 def read_truth(path: Path, eye: str | None = None, without: Collection[str] = (), rows: range | None = None) -> Truth:
@@ -103,15 +113,17 @@ def _truth(channels: _Channels, path: Path) -> Truth:
 def read_light(path: Path, eye: str | None = None, groups: bool = True, rows: range | None = None) -> Light:
     """Read the light alone, with or without its ``groups``, and of some ``rows`` only if they are given; far faster
     than ``read_view`` if the file has a part for each pass."""
-    passes = [f"{BEAUTY}.Combined", *(GROUP_PASSES if groups else ())]
-    radiance, found = _light(_read_channels(path, eye, passes, rows=rows), path)
+    passes = [IMAGE_PASS, *(GROUP_PASSES if groups else ())]
+    return _light(_read_channels(path, eye, passes, rows=rows), path, groups)
+
+
+def _light(channels: _Channels, path: Path, groups: bool) -> Light:
+    """The light, with or without its ``groups``. In files without an image it is their sum."""
+    found = {group: _radiance(channels, f"Combined_{group}", path) for group in LIGHT_GROUPS
+             if (BEAUTY, f"Combined_{group}", "R") in channels}
+    is_sum = len(found) == len(LIGHT_GROUPS) and (BEAUTY, "Combined", "R") not in channels
+    radiance = np.sum(list(found.values()), axis=0) if is_sum else _radiance(channels, "Combined", path)
     return Light(radiance, found if groups else {})
-
-
-def _light(channels: _Channels, path: Path) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    return _radiance(channels, "Combined", path), {
-        group: _radiance(channels, f"Combined_{group}", path) for group in LIGHT_GROUPS
-        if (BEAUTY, f"Combined_{group}", "R") in channels}
 
 
 def _radiance(channels: _Channels, pass_name: str, path: Path) -> np.ndarray:
@@ -129,10 +141,12 @@ def _read_channels(path: Path, eye: str | None, passes: Collection[str] = (), wi
         for name, values in pixels.items():
             words = name.split(".")
             view = view_of_part or next((word for word in words if word in EYES), None)
-            # Blender 4 writes all passes in one part, which cannot be read without some of them.
-            if len(words) < 3 or (eye and view and view != eye) or ".".join(words[:2]) in without:
+            if len(words) < 3 or (eye and view and view != eye):
                 continue
             channels[words[0], words[1], words[-1]] = values
+    # Blender 4 writes all passes in one part, which cannot be read without some of them.
+    unread = set(without) - (set() if (BEAUTY, "Combined", "R") in channels else set(GROUP_PASSES))
+    channels = {key: values for key, values in channels.items() if ".".join(key[:2]) not in unread}
     if len({values.shape for values in channels.values()}) > 1:
         raise IcyMoonError(f"{path} has parts of unequal size; {_FIX}.")
     return channels

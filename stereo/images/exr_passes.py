@@ -6,31 +6,44 @@ can be removed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 
-from ...formats.exr_parts import assemble, keep_rows, read_pieces, strip_passing
+from ...formats.exr_parts import Piece, assemble, keep_rows, read_pieces, strip_passing
+from ...labels import GROUP_PASSES, IMAGE_PASS
 
 
 def only_passes(data: bytes, passes: Collection[str]) -> bytes:
     """The EXR file ``data`` with only those parts that contain ``passes`` (``LAYER.PASS``); with all if none does.
 
-    Raises ValueError, KeyError or OverBudgetError if it is no EXR file of scan lines.
+    The light groups stand for an image that is not stored beside them. Raises ValueError, KeyError or OverBudgetError
+    if it is no EXR file of scan lines.
     """
-    # A part has the name of its pass, in some versions with "-VIEW" at the end, or of its layer.
+    parts = read_pieces(data)
+    wanted = {*passes, *(GROUP_PASSES if IMAGE_PASS in passes and not _has_image(parts) else ())}
     layers = {name.split(".")[0] for name in passes}
-    return _only_parts(data, lambda name: name.split("-")[0] in passes or name in layers)
+    return _only_parts(data, parts, lambda name: _pass_of(name) in wanted or name in layers)
 
 
 def without_passes(data: bytes, passes: Collection[str]) -> bytes:
     """The EXR file ``data`` without the parts that contain one of ``passes`` (``LAYER.PASS``) and nothing else.
 
-    Raises as ``only_passes`` does.
+    The light groups stay in a file without the image that is their sum. Raises as ``only_passes`` does.
     """
-    return _only_parts(data, lambda name: name.split("-")[0] not in passes)
-
-
-def _only_parts(data: bytes, is_wanted: Callable[[str], bool]) -> bytes:
     parts = read_pieces(data)
+    unwanted = set(passes) - set(() if _has_image(parts) else GROUP_PASSES)
+    return _only_parts(data, parts, lambda name: _pass_of(name) not in unwanted)
+
+
+def _pass_of(name: str) -> str:
+    """The pass or layer that a part is named after, in some versions with "-VIEW" at the end."""
+    return name.split("-")[0]
+
+
+def _has_image(parts: Sequence[Piece]) -> bool:
+    return any(_pass_of(part.name) == IMAGE_PASS for part in parts)
+
+
+def _only_parts(data: bytes, parts: Sequence[Piece], is_wanted: Callable[[str], bool]) -> bytes:
     wanted = [part for part in parts if is_wanted(part.name)]
     return data if len(wanted) in (0, len(parts)) else assemble(wanted)
 

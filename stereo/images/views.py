@@ -9,10 +9,11 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...labels import GROUP_PASSES
 from ...render.pairs.pair_folder import Pair
 from ...typed_settings import RigSettings
 from .disparity_and_occlusion import scene_depth
-from .exr import GROUP_PASSES, Light, Truth, View, read_light, read_truth, read_view
+from .exr import Light, Truth, View, read_light, read_truth, read_view
 from .lens import lens_of
 
 _Images = TypeVar("_Images", Light, Truth, View)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...formats.geotiff import map_facts
-from ...labels import LIGHT_GROUPS, NOT_SEEN
+from ...labels import GROUP_PASSES, LIGHT_GROUPS, NOT_SEEN
 from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import (
     EYES,
@@ -28,7 +28,7 @@ from ...typed_settings import Settings
 from ..images import colours
 from ..images.develop import Channels, Images, develop, exposure_facts, grey, scaled_radiance
 from ..images.disparity_and_occlusion import ESTIMATED, RAYS, scene_depth
-from ..images.exr import GROUP_PASSES, NORMAL_PASSES, OBJECT_PASSES, Light, View
+from ..images.exr import NORMAL_PASSES, OBJECT_PASSES, Light, View
 from ..images.lens import lens_of
 from ..images.views import read_eye
 from .by_pixel_class import Cells, classify, texture

@@ -13,6 +13,7 @@ from typing import Any, TextIO
 from ...errors import IcyMoonError
 from ...file_shapes import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ...files import escape_cell, write_atomically, write_json
+from ...settings.shared_settings import find_shared, without_shared
 from ..datasets.predictions import options_of
 from ..environment import packages
 from ..matchers.methods import Method
@@ -32,7 +33,7 @@ from .sweep_charts import write_curves
 from .verdict_text import describe_verdicts
 
 FORMAT = "icymoon-report"
-VERSION = 2
+VERSION = 3
 #: Entries of rows that only ``results.jsonl`` contains: the summary has their sums, or only a later run needs them.
 _LONG = ("strata", "sparsification", "histograms", "common")
 
@@ -101,7 +102,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
               "plug_ins": metrics,
               "provenance": _provenance(methods, ran_on, source, seed)}
     write_atomically(out / "results.csv", lambda part: _write_csv(part, rows, [m["name"] for m in metrics]))
-    write_atomically(out / "report.json", lambda part: _write_report_json(part, report))
+    write_atomically(out / "report.json", lambda part: _write_report_json(part, report, facts))
     chosen = choose_pairs(table, usable)
     shown = [rows[places[name] * len(labels) + k] for name in chosen for k in range(len(labels))]
     write_json(out / "summary.json", {key: value for key, value in report.items() if key not in _MANY}
@@ -147,8 +148,18 @@ def _write_csv(part: Path, rows: Iterable[Row], metrics: Sequence[str]) -> None:
                          for row in rows)
 
 
-def _write_report_json(part: Path, report: Mapping[str, Any]) -> None:
-    """Write the report as JSON, row by row. Raises ValueError for NaN, which JSON does not have."""
+def _write_report_json(part: Path, report: Mapping[str, Any], facts: Sequence[Mapping[str, Any]]) -> None:
+    """Write the report as JSON, row by row. Raises ValueError for NaN, which JSON does not have.
+
+    Settings that all pairs share are in ``shared_settings``, and ``settings`` of each pair are its own.
+    """
+    shared = find_shared(pair["settings"] for pair in facts)
+
+    def shorten(pair: Mapping[str, Any]) -> Row:
+        return {**pair, "settings": without_shared(pair["settings"], shared)}
+
+    own = LazyRows(len(facts), lambda k: shorten(facts[k]))
+    report = {key: own if value is facts else value for key, value in report.items()} | {"shared_settings": shared}
     with part.open("w", encoding="utf-8", newline="\n") as stream:
         for k, (key, value) in enumerate(report.items()):
             stream.write(f"{',' if k else '{'}\n {json.dumps(key)}: ")

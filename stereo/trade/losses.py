@@ -103,7 +103,7 @@ def measure(folders: Sequence[Path], reference: Reference, methods: Sequence[Met
 
     * ``cpu_s``, ``wall_s``: of a pair, mean of the renders, including building the scene and writing; ``cpu_s`` also
       includes the start of Blender, if a process renders one pair, and a share of what baking its light took.
-      ``memory_mib``: the peak memory of a process.
+      ``memory_mib``: the peak memory of a process. ``megabytes``: the size of a pair's files.
     * ``bias``: mean radiance divided by that of the reference, minus 1. ``rmse``: root mean square difference of a
       pixel from the reference, divided by the mean of this, without the noise of the reference. ``noise``: the random
       part of it, the standard deviation between renders divided by the mean; None for a single render. ``structure``:
@@ -140,7 +140,9 @@ def _cost(renders: Sequence[Loaded], images: int = 1) -> dict[str, Any]:
            for pair in (render.pair for render in renders) if "cpu_seconds" in pair.data]
     return {"cpu_s": _mean(cpu), "cpu_range": [min(cpu), max(cpu)] if cpu else None,
             "wall_s": _mean([sum(each.get("seconds", {}).values()) for each in facts]),
-            "memory_mib": max((each["peak_memory_mib"] for each in facts if each.get("peak_memory_mib")), default=None)}
+            "memory_mib": max((each["peak_memory_mib"] for each in facts if each.get("peak_memory_mib")), default=None),
+            "megabytes": _mean([sum(file["bytes"] for file in each["files"].values()) / 1e6 for each in facts
+                                if each.get("files")])}
 
 
 def _bake_seconds(pair: Pair) -> float:

@@ -23,6 +23,8 @@ from ...typed_settings import Settings
 from ...version import version
 from ..environment import packages
 
+#: Folders of the renders, by ``quality.files``: full and compact files of the same render have the same id.
+_DATA = {"COMPACT": "data", "FULL": "data_full"}
 #: Gets events: ``progress`` (``fraction``, ``message``, ``done``, ``total``) and ``warning``.
 Event = Callable[[dict[str, Any]], None]
 
@@ -130,7 +132,8 @@ def render_once(variant: Variant, repeat: int, bench: Bench, counter: RenderCoun
             counter.tell(message)
 
     try:
-        folders = render_job(Job(bench.out / "data", variant.settings, repeat=repeat), bench.blender, hear)
+        data = bench.out / _DATA[variant.settings.quality.files]
+        folders = render_job(Job(data, variant.settings, repeat=repeat), bench.blender, hear)
     except IcyMoonError as error:
         raise IcyMoonError(f"{variant.key}: {error}") from None
     counter.done += 1

@@ -28,6 +28,7 @@ VERSION = 3
 COLUMNS = (Column("cpu_s", "CPU", "s", 1, "processor seconds of a pair: build, both eyes, truth, files"),
            Column("wall_s", "Wall", "s", 1, "seconds of a pair on this machine"),
            Column("memory_mib", "Memory", "MiB", 0, "peak memory of the rendering process"),
+           Column("megabytes", "Files", "MB", 2, "size of a pair's files"),
            Column("bias", "Bias", "%", 2, "difference of the mean radiance from that of the reference"),
            Column("rmse", "RMSE", "%", 2, "root mean square difference of a pixel, over the mean radiance"),
            Column("noise", "Noise", "%", 2, "random part of the RMSE, which differs between renders"),

@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import OpenEXR
 import pytest
-from icymoon.formats.exr_add import add_baked, add_planet
+from icymoon.formats.exr_add import add_baked, add_planet, is_sum_of_lights
 from icymoon.formats.exr_layout import is_whole
 from icymoon.formats.exr_parts import assemble, join_files, read_pieces, strip_passing
 from icymoon.formats.exr_pixels import Pixels, drop_passes
@@ -165,3 +165,28 @@ def test_baked_light_of_sun_and_planet_is_added_to_the_light_groups_too(tmp_path
     assert np.array_equal(light.groups["Sun"], sun + by_sun)
     assert np.array_equal(light.groups["Planet"], planet + by_planet)
     assert np.allclose(light.groups["Sun"] + light.groups["Planet"], light.radiance, rtol=1e-6)
+
+
+@pytest.mark.parametrize("several", [True, False])
+def test_an_image_is_the_sum_of_its_lights_or_not(tmp_path, several):
+    random = np.random.default_rng(3)
+    sun, planet = (random.random((20, 31, 3), np.float32) * scale for scale in (np.float32(40), np.float32(0.01)))
+    lights = {"Beauty.Combined_Sun": sun, "Beauty.Combined_Planet": planet}
+    denoised, unknown, dark = sun + planet, sun + planet, sun + planet
+    denoised[3, 4, 1] *= np.float32(1 + 2.0**-18)
+    unknown[3, 4, 1] = np.nan
+    dark[:] = 0
+    cases = {"rounded": (lights | {"Beauty.Combined": (sun + planet) * np.float32(1 + 2.0**-22)}, True),
+             "denoised": (lights | {"Beauty.Combined": denoised}, False),
+             "unknown": (lights | {"Beauty.Combined": unknown}, False),
+             "dark": (lights | {"Beauty.Combined": dark}, False),
+             "one light": ({"Beauty.Combined": sun}, False), "no image": (lights, False)}
+    for name, (passes, is_sum) in cases.items():
+        write(tmp_path / "view.exr", passes, several, OpenEXR.ZIP_COMPRESSION)
+        assert is_sum_of_lights((tmp_path / "view.exr").read_bytes()) is is_sum, name
+
+
+def test_an_image_of_a_kind_that_is_not_read_is_no_sum(tmp_path):
+    values = np.ones((20, 31, 3), np.float32)
+    write(tmp_path / "view.exr", {"Beauty.Combined": values}, True, OpenEXR.PIZ_COMPRESSION)
+    assert not is_sum_of_lights((tmp_path / "view.exr").read_bytes())

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from icymoon.formats.exr_parts import assemble, read_pieces
-from icymoon.formats.exr_pixels import Pixels, decode_parts, drop_passes, round_passes
+from icymoon.formats.exr_pixels import Pixels, decode_parts, drop_passes, encode_part, round_passes
 from icymoon.labels import ROUNDED
 from icymoon.stereo.images.exr import read_view
 
@@ -89,3 +89,13 @@ def test_passes_can_be_dropped_and_values_read_after_rounding(stored):
         kept = drop_passes(piece, {"Beauty.Combined"})
         if kept is not None:
             assert not any(name.startswith("Beauty.Combined.") for name in Pixels(kept).channels)
+
+
+def test_a_part_encoded_in_16_bits_is_what_rounding_makes_of_it_and_is_not_rounded_again():
+    values = {axis: np.random.default_rng(k).random((21, 17), np.float32) for k, axis in enumerate("RGB")}
+    full, half = (encode_part("Truth.GeometricNormal", values, half) for half in (False, True))
+    passes = {"Truth.GeometricNormal"}
+    assert assemble([round_passes(full, passes)]) == assemble([half])
+    assert round_passes(half, passes) is half
+    assert channels_of(assemble([half]))["Truth.GeometricNormal.R"].tolist() == (
+        values["R"].astype(np.float16).astype(np.float32).tolist())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
+from icymoon.formats.exr_parts import read_pieces
 from icymoon.nodes.next_scene import adapt_scene, open_empty_scene
 from icymoon.nodes.scene import build
 from icymoon.nodes.surface.sun_inputs import is_osl
@@ -41,7 +42,7 @@ def test_light_under_the_surface_is_followed_as_the_settings_ask():
 
 
 def test_half_floats_are_what_was_rendered_rounded(tmp_path):
-    small = {"rig": {"width_px": 32, "height_px": 24}, "quality": {"samples": 1}}
+    small = {"rig": {"width_px": 32, "height_px": 24}, "quality": {"samples": 1, "files": "FULL"}}
     full, _ = render(tmp_path / "full", small)
     half, _ = render(tmp_path / "half", small, {"quality": {"half_floats": "RADIANCE_NORMALS"}})
     for eye in ("left", "right"):
@@ -54,6 +55,36 @@ def test_half_floats_are_what_was_rendered_rounded(tmp_path):
             assert np.array_equal(getattr(a, name), getattr(b, name), equal_nan=name == "depth"), name
     assert half.id != full.id
     assert any("quality.half_floats" in line for line in half.data["left_out"])
+
+
+@pytest.mark.parametrize("truth_by", ["RAYS", "CYCLES"])
+def test_compact_files_are_the_full_ones_of_the_same_render_with_exact_truth(tmp_path, truth_by):
+    scene = {"rig": {"width_px": 32, "height_px": 24}, "quality": {"samples": 1, "truth_by": truth_by},
+             "rocks": {"coverage": 0.1}, "light": {"planet": True, "planet_elevation_deg": 40.0}}
+    compact, _ = render(tmp_path / "compact", scene)
+    full, _ = render(tmp_path / "full", scene, {"quality": {"files": "FULL"}})
+    assert compact.id == full.id
+    assert "16-bit" in compact.data["channels"]["stored"]
+    assert "stored" not in full.data["channels"]
+    for eye in ("left", "right"):
+        a, b = read_view(full.image(eye)), read_view(compact.image(eye))
+        for group in ("Sun", "Planet"):
+            np.testing.assert_allclose(b.groups[group], a.groups[group], rtol=2.0**-11, atol=2.0**-25)
+        np.testing.assert_allclose(b.radiance, a.radiance, rtol=1.01 * 2.0**-11, atol=2.0**-24)
+        assert 0 < np.abs(a.normal - b.normal).max() <= 2.0**-12
+        for name in ("depth", "instance", "semantic", "hidden"):
+            assert np.array_equal(getattr(a, name), getattr(b, name), equal_nan=name == "depth"), name
+        names = {piece.name.split("-")[0] for piece in read_pieces(compact.image(eye).read_bytes())}
+        assert {"Beauty.Combined_Sun", "Beauty.Combined_Planet"} <= names
+        assert "Beauty.Combined" not in names
+
+
+def test_a_denoised_image_is_stored_beside_its_lights(tmp_path):
+    scene = {"rig": {"width_px": 32, "height_px": 24}, "quality": {"samples": 1, "denoiser": "OIDN"},
+             "light": {"planet": True, "planet_elevation_deg": 40.0}}
+    pair, _ = render(tmp_path, scene)
+    view = read_view(pair.image("left"))
+    assert np.abs(view.radiance - view.groups["Sun"] - view.groups["Planet"]).max() > 0.01
 
 
 @pytest.mark.heavy
@@ -106,7 +137,7 @@ def test_without_labels_there_is_one_render_and_the_same_depth(tmp_path, monkeyp
         np.testing.assert_array_equal(ours.depth, theirs.depth)
         assert (ours.normal, ours.semantic, ours.instance) == (None, None, None)
     assert theirs.semantic is not None
-    assert set(alone.data["channels"]) == {"radiance", "depth"}
+    assert set(alone.data["channels"]) == {"radiance", "depth", "stored"}
     ready = prepare(alone.folder, {})
     assert np.isfinite(ready.truth).any()
 
@@ -129,7 +160,7 @@ def test_semantic_labels_come_with_the_light_and_are_the_same(tmp_path, monkeypa
         np.testing.assert_array_equal(ours.semantic, theirs.semantic)
         assert len(np.unique(ours.semantic)) > 1
         assert (ours.normal, ours.instance) == (None, None)
-    assert set(alone.data["channels"]) == {"radiance", "depth", "semantic"}
+    assert set(alone.data["channels"]) == {"radiance", "depth", "semantic", "stored"}
     assert any("labels of single rocks" in line for line in alone.data["left_out"])
     assert np.isfinite(prepare(alone.folder, {}).truth).any()
 

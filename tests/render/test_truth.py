@@ -110,7 +110,7 @@ def test_labels_and_normals_are_of_single_facets(tmp_path):
     assert set(np.unique(view.instance)) <= {0, TERRAIN_INSTANCE, *blocks.tolist()}
     assert np.array_equal(view.semantic == ROCK, view.instance >= FIRST_ROCK_INSTANCE)
     lengths = np.linalg.norm(view.normal[view.semantic > 0], axis=1)
-    assert np.abs(lengths - 1).max() < 1e-5  # an average over samples would be shorter at edges
+    assert np.abs(lengths - 1).max() < 5e-4  # rounded; an average over samples would be shorter at edges
 
 
 def test_the_geometric_normal_ignores_bump(tmp_path):

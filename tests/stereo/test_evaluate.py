@@ -12,6 +12,7 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
+from icymoon.settings.shared_settings import with_shared
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.colours import INVALID_GREY, SKY_GREY, depth_scale, error_picture, with_bar
 from icymoon.stereo.matchers.methods import parse_methods
@@ -52,7 +53,13 @@ def test_everything_is_evaluated_and_written(result):
     assert [(row["pair"], row["method"]) for row in report["rows"]] == [
         (pair, method) for pair in SCENES for method in ("bm", "sgbm", "bm:window=21")]
     lists = {"rows": list(report["rows"]), "pairs": list(report["pairs"])}
-    assert strict_json(out / "report.json") == json.loads(json.dumps(report | lists))
+    written = strict_json(out / "report.json")
+    shared = written.pop("shared_settings")
+    assert not any(key in shared.get(topic, {}) for pair in written["pairs"]
+                   for topic, table in pair["settings"].items() for key in table)
+    for pair in written["pairs"]:
+        pair["settings"] = with_shared(pair["settings"], shared)
+    assert written == json.loads(json.dumps(report | lists))
     lines = [json.loads(line) for line in (out / "results.jsonl").read_text().splitlines()]
     assert [row.items() <= line.items() for row, line in zip(report["rows"], lines, strict=True)] == [True] * 9
     assert [(e["type"], e["done"], e["total"]) for e in events] == [("progress", k, 9) for k in range(1, 10)]

@@ -138,7 +138,13 @@ def test_bytes_are_in_proportion_to_what_is_written():
     assert 3.8 < doubled / base < 4.0  # neighbours are a little more alike
     assert size({"rig": {"overscan": 0.25}}) == pytest.approx(base * 1.5**2, rel=1e-3)
     depth, toed = size({"quality": {"truth": "DEPTH"}}), size({"rig": {"toe_in_deg": 1.0}})
-    assert depth < 0.5 * base
+    assert depth < 0.7 * base
+    assert base < 0.8 * size({"quality": {"files": "FULL"}})
+    planet, full = {"light": {"planet": True}}, {"quality": {"files": "FULL"}}
+    # The image beside its lights is in full files only, unless it was denoised.
+    assert size(planet) - base < size(planet, full) - size(full)
+    denoised = {"quality": {"denoiser": "OIDN"}}
+    assert size(planet, denoised) - size(denoised) > size(planet) - base
     assert base < toed < 2.0 * base  # another truth, no other light
     assert size({"quality": {"denoiser": "OIDN"}}) > base
     assert size({"light": {"planet": True}}) == size({"light": {"stars": True}}) > base

@@ -17,7 +17,7 @@ OWN = {"scene": set(), "samples": {"quality.samples", "quality.denoiser"}, "boun
        "subsurface": {"surface.subsurface_weight", "surface.subsurface_method", "surface.model",
                       *(f"hapke.{key}" for key in description.defaults().hapke)},
        "indirect": {"quality.indirect", "quality.bake_samples", "quality.bake_noise", "quality.direct_samples"},
-       "glints": {"surface.glint_share"}, "files": {"quality.half_floats"},
+       "glints": {"surface.glint_share"}, "files": {"quality.files", "quality.half_floats"},
        "hapke": {"surface.model", *(f"hapke.{key}" for key in description.defaults().hapke)}}
 
 

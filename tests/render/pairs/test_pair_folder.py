@@ -198,3 +198,10 @@ def test_an_image_that_is_no_regular_file_is_not_there(tmp_path, put):
     folder = write_pair(tmp_path / "a", rig=camera(32, 24))
     hostile_arrays.put(folder / "left.exr", put)
     assert not is_complete(folder)
+
+
+def test_pairs_of_a_data_set_share_their_tables(tmp_path):
+    for name in "ab":
+        write_pair(tmp_path / "pairs" / name)
+    first, second = find_pairs(tmp_path)
+    assert all(first.settings[topic] is second.settings[topic] for topic in first.settings)

@@ -1,14 +1,17 @@
 """Reading multilayer EXR files in the layouts of Blender 4 and 5, whole and damaged, by OpenEXR and in numpy."""
 
 import sys
+from functools import partial
 
 import numpy as np
 import OpenEXR
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
+from icymoon.formats.exr_parts import join_files
+from icymoon.formats.exr_pixels import drop_passes
+from icymoon.labels import GROUP_PASSES
 from icymoon.stereo.images.exr import (
-    GROUP_PASSES,
     NORMAL_PASSES,
     OBJECT_PASSES,
     read_depth,
@@ -77,6 +80,21 @@ def test_one_view_is_picked_from_a_file_with_both(tmp_path):
     for value, eye in enumerate(("left", "right"), start=1):
         view = read_view(tmp_path / "both.exr", eye)
         assert (view.radiance[0, 0, 0], view.depth[0, 0]) == (value, 10 * value)
+
+
+@pytest.mark.parametrize("rows", [None, range(5, 9)])
+def test_an_image_that_is_not_stored_is_the_sum_of_its_lights(tmp_path, layout, rows):
+    path = pairs.write_pair(tmp_path / "pair", SCENE, layout=layout, planet_share=0.25) / "left.exr"
+    whole = read_view(path, "left", rows=rows)
+    path.write_bytes(join_files({"": path.read_bytes()}, partial(drop_passes, unwanted={"Beauty.Combined"})))
+    view, light = read_view(path, "left", rows=rows), read_light(path, "left", rows=rows)
+    for found in (view, light):
+        np.testing.assert_allclose(found.radiance, whole.radiance, rtol=1e-6)
+        assert found.radiance.dtype == np.float32
+        np.testing.assert_array_equal(found.groups["Planet"], whole.groups["Planet"])
+    for found in (read_view(path, "left", GROUP_PASSES, rows), read_light(path, "left", groups=False, rows=rows)):
+        np.testing.assert_array_equal(found.radiance, view.radiance)
+        assert not found.groups
 
 
 def test_the_facets_normal_is_preferred(tmp_path):

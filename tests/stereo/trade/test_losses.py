@@ -11,10 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
 from icymoon.render.cost.tolerance import checked_tolerance, parse_fraction
-from icymoon.render.cost.variants import GROUPS
+from icymoon.render.cost.variants import GROUPS, variants
+from icymoon.render.plans.planned_pair import expand_headings
+from icymoon.settings import description
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.jackknife import jackknife, tile_sums
+from icymoon.stereo.trade import measure_variants
 from icymoon.stereo.trade.advice import decision_advice, distinct_steps, pareto_fronts, variant_advice
 from icymoon.stereo.trade.losses import measure, number_at, pareto_front, read_reference
 from icymoon.stereo.trade.report import write_trade
@@ -94,7 +97,24 @@ def test_another_shape_is_a_depth_error(truth, tmp_path):
 def test_cost_is_of_the_process(truth, tmp_path):
     found = measure(folders(tmp_path, "cost"), truth, [])
     assert (found["cpu_s"], found["wall_s"], found["memory_mib"]) == (3.5, 1.5, 301.0)
+    sizes = [file.stat().st_size for file in tmp_path.rglob("*.exr")]
+    assert found["megabytes"] == pytest.approx(sum(sizes) / 2e6)
     assert truth.cpu_s == 7.0
+
+
+def test_full_and_compact_files_of_one_render_have_folders_of_their_own(tmp_path, monkeypatch):
+    asked = []
+    monkeypatch.setattr(measure_variants, "render_job", lambda job, blender, hear: asked.append(job) or [job.dataset])
+    bench = measure_variants.Bench(description.defaults(), tmp_path, "", "", 2, 1)
+    counter = measure_variants.RenderCounter(bench.on_event, 1)
+    compact, full = variants(bench.settings, ["files"])
+    for variant in (compact, full):
+        measure_variants.render_once(variant, 0, bench, counter)
+    assert [job.dataset.name for job in asked] == ["data", "data_full"]
+    for job in asked:
+        job.discard()
+    first, second = (expand_headings(variant.settings)[0].id for variant in (compact, full))
+    assert first == second
 
 
 def test_renders_that_cannot_be_compared_are_refused(truth, tmp_path):
@@ -121,9 +141,9 @@ def test_a_front_is_what_nothing_beats(points):
 def row(group, name, cost, loss, bias=0.0, doubt=0.004):
     stereo = {"coverage": 0.9, "epe_px": 0.2 + loss, "bad_1": 0.01, "wrong_or_missing": 0.11}
     return {"group": group, "name": name, "key": f"{group}: {name}", "cpu_s": cost, "cpu_range": [cost, 1.01 * cost],
-            "wall_s": cost, "memory_mib": None, "bias": bias, "bias_doubt": 0.0005, "rmse": abs(bias), "noise": None,
-            "structure": None, "depth_px": 0.0, "depth_m": 0.0, "changed": {}, "stereo": {"sgbm": stereo},
-            "loss": {"sgbm": stereo | {"epe_px": loss, "coverage": 0.0}},
+            "wall_s": cost, "memory_mib": None, "megabytes": 8.0, "bias": bias, "bias_doubt": 0.0005,
+            "rmse": abs(bias), "noise": None, "structure": None, "depth_px": 0.0, "depth_m": 0.0, "changed": {},
+            "stereo": {"sgbm": stereo}, "loss": {"sgbm": stereo | {"epe_px": loss, "coverage": 0.0}},
             "loss_doubt": {"sgbm": dict.fromkeys(stereo, doubt)}, "decisions": {}}
 
 

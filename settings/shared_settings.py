@@ -1,0 +1,42 @@
+"""Settings that many descriptions share, stated once, so that a file of many of them stays small."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from ..typed_settings import Parts
+
+#: Tables of settings by topic, with what all share or what one has beside it.
+Tables = dict[str, dict[str, Any]]
+
+
+def find_shared(descriptions: Iterable[Parts]) -> Tables:
+    """The settings that all of these have, and with one value."""
+    first: Parts = {}
+    shared: Tables = {}
+    for k, settings in enumerate(descriptions):
+        if k == 0:
+            first, shared = settings, {topic: dict(table) for topic, table in settings.items()}
+        for topic, table in shared.items():
+            other = settings.get(topic, {})
+            if other is not first[topic]:  # pairs of a plan share most of their tables
+                shared[topic] = {key: value for key, value in table.items() if _is_same(other, key, value)}
+    return {topic: table for topic, table in shared.items() if table}
+
+
+def _is_same(table: Mapping[str, Any], key: str, value: Any) -> bool:
+    # 0.0 and -0.0 are equal, and give other ids.
+    return key in table and repr(table[key]) == repr(value)
+
+
+def without_shared(settings: Parts, shared: Parts) -> Tables:
+    """What a description has beside what it shares."""
+    own = {topic: {key: value for key, value in table.items() if key not in shared.get(topic, {})}
+           for topic, table in settings.items()}
+    return {topic: table for topic, table in own.items() if table}
+
+
+def with_shared(own: Parts, shared: Parts) -> Tables:
+    """A description of what it has itself and what it shares."""
+    return {topic: {**shared.get(topic, {}), **own.get(topic, {})} for topic in {**shared, **own}}
