@@ -44,8 +44,10 @@ SMOOTH = FACETS + (5 * 2.2e-5 if bpy.app.version >= (5, 2, 0) else 0.0)
 
 def picture(tmp_path: Path, *parts: dict,
             change: Callable[[scenes.Built], object] | None = None) -> tuple[Pair, scenes.Built]:
-    """Build, let ``change`` touch what was built, render one pair, whose truth is of the same rays as its light."""
-    settings = complete({"terrain": FLAT, "surface": BARE, "light": POINT, "quality": {**ONE, "truth_by": "CYCLES"},
+    """Build, let ``change`` touch what was built, render one pair, whose truth is of the same rays as its light, which
+    is not rounded."""
+    settings = complete({"terrain": FLAT, "surface": BARE, "light": POINT,
+                         "quality": {**ONE, "truth_by": "CYCLES", "files": "FULL"},
                          "rig": {"width_px": 128, "height_px": 96}}, *parts)
     built = scenes.build(empty_scene(), settings)
     if change:

@@ -31,7 +31,7 @@ TABLE = Path(__file__).with_name("stability.json")
 #: Renders of the table, each with other light paths.
 REPEATS = 8
 SIZE: Parts = {"mesh": {"most": 20_000},
-               "quality": {"samples": 32, "denoiser": "NONE", "threads": 2, "truth_by": "CYCLES"},
+               "quality": {"samples": 32, "denoiser": "NONE", "threads": 2, "truth_by": "CYCLES", "files": "FULL"},
         "rig": {"width_px": 64, "height_px": 48, "overscan": 0.0},
         # The table is of the presets before they had a far field, patchy relief and faces that differ.
         "hills": {"rms_slope_deg": 0.0}, "rocks": {"beyond_px": 0.0},
