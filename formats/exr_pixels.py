@@ -54,6 +54,11 @@ class Pixels:
     def decode(self) -> np.ndarray:
         """Values (height, channel, width) float32. Raises ValueError for chunks of another size."""
         found, stored = np.empty((self._height, len(self.channels), self._width), "<f4"), self._line
+        if not self._compression:
+            chunks = self._view_raw(stored)
+            for k, name in enumerate(self.channels):
+                found[chunks["line"] - self._top, k] = chunks["values"][name]
+            return found
         for chunk in self._piece.chunks:
             line = struct.unpack_from("<i", chunk)[0] - self._top
             rows = min(self._lines, self._height - line)
@@ -61,6 +66,23 @@ class Pixels:
             for k, name in enumerate(self.channels):
                 found[line:line + rows, k] = lines[name]
         return found
+
+    def _view_raw(self, stored: np.dtype) -> np.ndarray:
+        """The chunks of a part without compression, each a line with its number and bytes."""
+        chunk = np.dtype([("line", "<i4"), ("bytes", "<i4"), ("values", stored)])
+        if {len(each) for each in self._piece.chunks} != {chunk.itemsize}:
+            raise ValueError("a line has another size")
+        return np.frombuffer(b"".join(self._piece.chunks), chunk)
+
+    def compress(self) -> Piece:
+        """The part as it is if it is compressed, else by ZIP. Raises as ``decode`` does."""
+        if self._compression:
+            return self._piece
+        starts = _empty_chunks(self._top, self._height)
+        stated = {**self._piece.attributes,
+                  b"compression": encode_attribute("compression", "compression", bytes([_ZIP])),
+                  b"chunkCount": encode_attribute("chunkCount", "int", struct.pack("<i", len(starts)))}
+        return Pixels(Piece(stated, starts)).encode(self.decode())
 
     def encode(self, values: np.ndarray) -> Piece:
         """The part with other values of the same shape."""
@@ -92,6 +114,13 @@ class Pixels:
 
     def _encode_chunks(self, values: np.ndarray, stored: np.dtype) -> list[bytes]:
         """Chunks of values whose lines are ``stored`` so."""
+        if not self._compression:
+            lines = np.empty(self._height, [("line", "<i4"), ("bytes", "<i4"), ("values", stored)])
+            lines["line"], lines["bytes"] = np.arange(self._top, self._top + self._height), stored.itemsize
+            for k, name in enumerate(stored.names or ()):
+                lines["values"][name] = values[:, k]
+            whole, step = lines.tobytes(), lines.itemsize
+            return [whole[at:at + step] for at in range(0, len(whole), step)]
         chunks = []
         for chunk in self._piece.chunks:
             line = struct.unpack_from("<i", chunk)[0]
@@ -99,8 +128,7 @@ class Pixels:
             lines = np.empty(len(part), stored)
             for k, name in enumerate(stored.names or ()):
                 lines[name] = part[:, k]
-            raw = lines.tobytes()
-            data = _pack(raw) if self._compression else raw
+            data = _pack(lines.tobytes())
             chunks.append(struct.pack("<2i", line, len(data)) + data)
         return chunks
 
@@ -112,16 +140,21 @@ def encode_part(name: str, channels: Mapping[str, np.ndarray], half: bool = Fals
     window = struct.pack("<4i", 0, 0, width - 1, height - 1)
     components = sorted(channels)
     listed = b"".join(f"{name}.{each}".encode() + _ENTRIES[_HALF if half else _FLOAT] for each in components) + b"\0"
+    starts = _empty_chunks(0, height)
     stated = {"channels": ("chlist", listed), "compression": ("compression", bytes([_ZIP])),
               "dataWindow": ("box2i", window), "displayWindow": ("box2i", window), "lineOrder": ("lineOrder", b"\0"),
               "name": ("string", name.encode()), "pixelAspectRatio": ("float", struct.pack("<f", 1.0)),
               "screenWindowCenter": ("v2f", bytes(8)), "screenWindowWidth": ("float", struct.pack("<f", 1.0)),
               "type": ("string", b"scanlineimage"),
-              "chunkCount": ("int", struct.pack("<i", -(-height // _LINES[_ZIP])))}
+              "chunkCount": ("int", struct.pack("<i", len(starts)))}
     attributes = {key.encode(): encode_attribute(key, kind, value) for key, (kind, value) in stated.items()}
-    starts = [struct.pack("<2i", line, 0) for line in range(0, height, _LINES[_ZIP])]
     values = np.stack([np.asarray(channels[each], np.float32) for each in components], axis=1)
     return Pixels(Piece(attributes, starts)).encode(values)
+
+
+def _empty_chunks(top: int, height: int) -> list[bytes]:
+    """Chunks by ZIP of a part from its first line ``top`` on, without values."""
+    return [struct.pack("<2i", line, 0) for line in range(top, top + height, _LINES[_ZIP])]
 
 
 def _type_of(stated: bytes) -> int:
@@ -161,6 +194,18 @@ def decode_parts(data: bytes) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
         values = pixels.decode()
         view = piece.value(b"view").decode() if b"view" in piece.attributes else ""
         yield view, {name: values[:, k] for k, name in enumerate(pixels.channels)}
+
+
+def compress(piece: Piece) -> Piece:
+    """A part by ZIP, if it is not compressed.
+
+    A part that is not of the kind that is read here stays as it is. Raises ValueError for what is damaged.
+    """
+    try:
+        pixels = Pixels(piece)
+    except (KeyError, ValueError):
+        return piece
+    return pixels.compress()
 
 
 def drop_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:

@@ -27,7 +27,7 @@ _ALL_FEATURES = 0xFFFFFFFF
 _NONE = 0xFFFFFFFF  # RTC_INVALID_GEOMETRY_ID
 #: Rays in a packet, and numbers of each in a RTCRayHit16. Their last row exists in newer versions only.
 PACKET, _ROWS = 16, 21
-_ORIGIN, _NEAR, _DIRECTION, _TIME, _FAR, _MASK, _U, _V, _TRIANGLE, _SHAPE, _PLACE = 0, 3, 4, 7, 8, 9, 15, 16, 17, 18, 19
+_ORIGIN, _NEAR, _DIRECTION, _FAR, _MASK, _U, _V, _TRIANGLE, _SHAPE, _PLACE = 0, 3, 4, 8, 9, 15, 16, 17, 18, 19
 #: Packets traced at a time: 44 MB.
 _MOST_PACKETS = 2**15
 
@@ -182,32 +182,43 @@ class EmbreeTracer:
         for first in range(0, count, _MOST_PACKETS * PACKET):
             part = slice(first, min(count, first + _MOST_PACKETS * PACKET))
             number = part.stop - part.start
-            rows = np.zeros((_ROWS, -(-number // PACKET) * PACKET), np.float32)
-            rows[_ORIGIN:_ORIGIN + 3, :number] = (origin if origin.ndim == 1 else origin[part]).T.reshape(3, -1)
-            rows[_DIRECTION:_DIRECTION + 3, :number] = direction[part].T
-            rows[_NEAR], rows[_FAR] = near, -1.0  # what fills up the last packet ends before it begins
-            rows[_FAR, :number] = far if far.ndim == 0 else far[part]
-            whole = rows.view(np.uint32)
-            whole[_MASK], whole[_SHAPE:] = _NONE, _NONE
-            yield part, _aligned(rows)
+            packets = _make_packets(-(-number // PACKET))
+            for k in range(3):
+                _fill(packets[:, _ORIGIN + k], origin[k] if origin.ndim == 1 else origin[part, k])
+                _fill(packets[:, _DIRECTION + k], direction[part, k])
+            _fill(packets[:, _FAR], np.broadcast_to(far if far.ndim == 0 else far[part], number))
+            packets[:, _NEAR] = near
+            whole = packets.view(np.uint32)
+            whole[:, _MASK], whole[:, _SHAPE:] = _NONE, _NONE
+            yield part, packets
 
     def _trace(self, call: ctypes._NamedFuncPointer, packets: np.ndarray) -> None:
         """Let Embree fill in the records."""
         arguments = ctypes.byref(_Arguments(_COHERENT, _ALL_FEATURES))
-        all_valid = _aligned(np.full((1, PACKET), -1, np.int32).view(np.float32)[None]).ctypes.data
+        valid = _make_packets(1)
+        valid.view(np.int32)[:] = -1
+        all_valid = valid.ctypes.data
         first, step = packets.ctypes.data, packets.strides[0]
         for number in range(len(packets)):
             call(all_valid, self._top, first + number * step, arguments)
 
 
-def _aligned(rows: np.ndarray) -> np.ndarray:
-    """Rows (r, 16 k) of rays as records (k, r, 16) at a multiple of 64 bytes; records stay as they are."""
-    records = rows if rows.ndim == 3 else rows.reshape(len(rows), -1, PACKET).swapaxes(0, 1)
-    memory = np.empty(records.size + PACKET, np.float32)
+def _make_packets(count: int) -> np.ndarray:
+    """Memory for records (count, _ROWS, PACKET) at a multiple of 64 bytes, float32, all 0."""
+    memory = np.zeros(count * _ROWS * PACKET + PACKET, np.float32)
     skip = -memory.ctypes.data % 64 // 4
-    made = memory[skip:skip + records.size].reshape(records.shape)
-    made[:] = records
-    return made
+    return memory[skip:skip + count * _ROWS * PACKET].reshape(count, _ROWS, PACKET)
+
+
+def _fill(target: np.ndarray, values: np.ndarray) -> None:
+    """Write values of rays, one (no axis) or (n,), to (k, PACKET) of packets; the last may have room for more rays."""
+    if values.ndim == 0:
+        target[:] = values
+        return
+    whole = len(values) // PACKET
+    target[:whole] = values[:whole * PACKET].reshape(whole, PACKET)
+    if rest := len(values) - whole * PACKET:
+        target[whole, :rest], target[whole, rest:] = values[-rest:], values[-1]
 
 
 def _flat(values: np.ndarray, part: slice) -> np.ndarray:

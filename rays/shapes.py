@@ -24,12 +24,23 @@ class Shape:
     label: np.ndarray
     passing: np.ndarray | None = None
 
+    def planes(self, triangles: np.ndarray) -> np.ndarray:
+        """Planes (n, 4) float64 of triangles (n,): the cross product of two sides, in m², and its dot product with the
+        first corner, in m³. Many rays meet the same triangle; its plane is made once."""
+        asked = np.zeros(len(self.triangles), bool)
+        asked[triangles] = True
+        each = np.flatnonzero(asked)
+        first, second, third = (self.vertices[corner].astype(np.float64) for corner in self.triangles[each].T)
+        normal = cross(second - first, third - first)
+        place = np.empty(len(self.triangles), np.int32)
+        place[each] = np.arange(len(each))
+        return np.column_stack([normal, dot(normal, first)])[place[triangles]]
+
     @cached_property
     def normals(self) -> np.ndarray:
         """Normals (n, 3) float64 of the vertices: of the sum of those of their triangles, as Cycles makes them where it
         has moved vertices."""
-        corners = self.vertices[self.triangles].astype(np.float64)
-        own = normalize(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+        own = normalize(self.planes(np.arange(len(self.triangles)))[:, :3])
         each, count = self.triangles.ravel(), len(self.vertices)
         return normalize(np.stack([np.bincount(each, np.repeat(own[:, axis], 3), count) for axis in range(3)], axis=1))
 
@@ -62,13 +73,15 @@ class World:
         object.__setattr__(self, "numbers", np.concatenate([each.numbers for each in self.placed] or
                                                            [np.zeros(0, np.int64)]))
 
-    def move_points(self, number: int, place: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Points (n, 3) of a shape, by its number, in the world, each as at its ``place`` (n,)."""
+    def move_planes(self, number: int, place: np.ndarray, triangle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The planes of triangles (n,) of a shape, by its number, in the world, each as at its ``place`` (n,): normals
+        (n, 3) of any length, and their dot products (n,) with the points of the planes."""
+        planes = self.placed[number].shape.planes(triangle)
+        normal = self.turn_normals(number, place, planes[:, :3])
         if len(self.placed[number].places) == 1:
-            own = self.placed[number].places[0]
-            return np.asarray(points @ own[:3, :3].T + own[:3, 3])
-        own = self.places[place]
-        return np.asarray(np.einsum("nij,nj->ni", own[:, :3, :3], points) + own[:, :3, 3])
+            first = self._first(number)
+            return normal, planes[:, 3] * self._determinants[first] + normal @ self.places[first, :3, 3]
+        return normal, planes[:, 3] * self._determinants[place] + dot(normal, self.places[place, :3, 3])
 
     def turn_normals(self, number: int, place: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """Normals (n, 3) of a shape, by its number, in the world, of any length, each as at its ``place`` (n,).
@@ -88,6 +101,10 @@ class World:
     def _cofactors(self) -> np.ndarray:
         rows = self.places[:, :3, :3]
         return np.cross(rows[:, [1, 2, 0]], rows[:, [2, 0, 1]])
+
+    @cached_property
+    def _determinants(self) -> np.ndarray:
+        return dot(self.places[:, 0, :3], self._cofactors[:, 0])
 
     @property
     def triangle_count(self) -> int:

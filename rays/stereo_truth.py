@@ -38,11 +38,10 @@ class Eye:
                         np.ones(len(pixels))], axis=1)
         return np.asarray(own @ self.axes.T)
 
-    def is_seen(self, points: np.ndarray) -> np.ndarray:
-        """Whether (n,) points (n, 3) of the world are in the image's frame."""
-        x, y, ahead = ((points - self.position) @ self.axes).T
+    def is_seen(self, right: np.ndarray, down: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+        """Whether (n,) points, in metres along the camera's axes, are in the image's frame."""
         with np.errstate(divide="ignore", invalid="ignore"):
-            column, row = self.cx_px + self.focal_px * x / ahead, self.cy_px + self.focal_px * y / ahead
+            column, row = self.cx_px + self.focal_px * right / ahead, self.cy_px + self.focal_px * down / ahead
             return np.asarray((ahead > 0) & (column >= 0) & (column <= self.columns)
                               & (row >= -_ROW_SLACK) & (row <= self.rows + _ROW_SLACK))
 
@@ -127,10 +126,10 @@ def _find_hidden(tracer: Tracer, eye: Eye, other: Eye, direction: np.ndarray, de
                  near_m: float) -> np.ndarray:
     """Whether (n,) the other eye sees something nearer in front of a point, by at least ``NEARER_PX`` of disparity."""
     hidden = np.zeros(len(depth_m), bool)
-    points = eye.position + direction * np.where(np.isinf(depth_m), 0.0, depth_m)[:, None]
-    asked = np.flatnonzero(np.isfinite(depth_m) & other.is_seen(points))
-    away = points[asked] - other.position
-    ahead = away @ other.axes[:, 2]
+    away = direction * np.where(np.isinf(depth_m), 0.0, depth_m)[:, None] + (eye.position - other.position)
+    right, down, ahead = other.axes.T @ away.T
+    asked = np.flatnonzero(np.isfinite(depth_m) & other.is_seen(right, down, ahead))
+    away, ahead = away[asked], ahead[asked]
     end = 1.0 / (1.0 / ahead + NEARER_PX / (eye.focal_px * baseline_m))
     hidden[asked] = tracer.is_blocked(other.position, away / ahead[:, None], near_m, end)
     return hidden

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from .shapes import Hits, World, cross, dot, normalize
+from .shapes import Hits, World, dot, normalize
 
 #: From a surface that a ray passes to where it goes on, relative to the distance.
 _BEYOND = 1e-6
@@ -63,17 +63,16 @@ def find_surface(world: World, hits: Hits, origin: np.ndarray, direction: np.nda
     count = len(direction)
     found = Surface(np.full(count, np.inf), np.zeros((count, 3)), np.zeros(count, np.uint8), np.zeros(count, np.int64))
     for number, rays in _by_shape(world, hits):
-        shape, place, triangle = world.placed[number].shape, hits.place[rays], hits.triangle[rays]
-        corners = shape.triangles[triangle]
-        first, second, third = (shape.vertices[corners[:, k]].astype(np.float64) for k in range(3))
-        normal = world.turn_normals(number, place, cross(second - first, third - first))
+        place, triangle = hits.place[rays], hits.triangle[rays]
+        normal, height = world.move_planes(number, place, triangle)
         toward = dot(normal, direction[rays])
         with np.errstate(divide="ignore", invalid="ignore"):
-            exact = dot(normal, world.move_points(number, place, first) - origin) / toward
+            exact = (height - normal @ origin) / toward
             near = np.abs(exact - hits.along[rays]) <= _GRAZING * hits.along[rays]
         found.along[rays] = np.where(near, exact, hits.along[rays])
         found.normal[rays] = normalize(normal) * np.where(toward > 0, -1.0, 1.0)[:, None]
-        found.label[rays], found.number[rays] = shape.label[triangle], world.numbers[place]
+        found.label[rays] = world.placed[number].shape.label[triangle]
+        found.number[rays] = world.numbers[place]
     return found
 
 
@@ -88,9 +87,7 @@ def find_shading_normals(world: World, hits: Hits, surface: Surface) -> np.ndarr
         rays = rays[shape.smooth[hits.triangle[rays]]]
         corners = shape.triangles[hits.triangle[rays]]
         sides = [world.turn_normals(number, hits.place[rays], each) for each in (
-            _interpolate(shape.normals, corners, hits, rays),
-            cross(*(shape.vertices[corners[:, k]].astype(np.float64) - shape.vertices[corners[:, 0]]
-                    for k in (1, 2))))]
+            _interpolate(shape.normals, corners, hits, rays), shape.planes(hits.triangle[rays])[:, :3])]
         found[rays] = normalize(sides[0]) * np.where(dot(sides[1], surface.normal[rays]) < 0, -1.0, 1.0)[:, None]
     return found
 

@@ -51,7 +51,8 @@ def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = Fals
         view.use = view.name in ("left", "right")
     compat.use_multilayer_exr(render.image_settings)
     render.image_settings.color_depth = "32"
-    render.image_settings.exr_codec = "ZIP"
+    # What is written here is read once, changed and removed; a pair's files are compressed as they are put together.
+    render.image_settings.exr_codec = "NONE"
     render.image_settings.views_format = "INDIVIDUAL"
     render.use_file_extension = True
     render.use_overwrite, render.use_placeholder = True, False

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from pathlib import Path
 
-import bpy
 import numpy as np
 
 from ..files import explain_disk_errors
@@ -16,22 +15,24 @@ from ..rays.stereo_truth import Eye, EyeTruth, Stage, trace_eyes
 from .pairs.pair_folder import EYES, StereoCamera
 
 
-def trace_truth(stage: Stage, files: Mapping[str, Path], camera: StereoCamera, poses: Mapping[str, np.ndarray],
-                lens: bpy.types.Camera, toed: bool, wanted: str, rounded: Collection[str]) -> None:
-    """Write the truth of both eyes that is ``wanted``, as in ``quality.truth``, into ``files``, by eye; the passes
-    ``rounded`` as 16-bit floats.
+def trace_truth(stage: Stage, stem: Path, camera: StereoCamera, poses: Mapping[str, np.ndarray],
+                clip_m: tuple[float, float], toed: bool, wanted: str, rounded: Collection[str]) -> dict[str, Path]:
+    """Write the truth that is ``wanted``, as in ``quality.truth``, into files at ``stem``, the passes ``rounded`` as
+    16-bit floats, and return the files by eye. It asks nothing of Blender, which may render meanwhile.
 
-    ``poses`` are the camera-to-world matrices (4, 4) of the parallel eyes; with ``toed`` they are turned in. What
-    ``lens`` does not see for its clipping has no truth.
+    ``poses`` are the camera-to-world matrices (4, 4) of the parallel eyes; with ``toed`` they are turned in. What is
+    nearer or further away than ``clip_m`` has no truth.
     """
     columns, rows = camera.rendered_px
     eyes = {eye: Eye(columns, rows, camera.focal_px, camera.cx_px + camera.margin_x_px,
                      camera.cy_px + camera.margin_y_px,
                      poses[eye][:3, :3] @ (camera.eye_rotation(eye).T if toed else np.eye(3)), poses[eye][:3, 3])
             for eye in EYES}
-    for eye, truth in trace_eyes(stage, eyes, camera.baseline_m, lens.clip_start, lens.clip_end).items():
+    files = {eye: stem.with_name(f"{stem.name}-{eye}.exr") for eye in EYES}
+    for eye, truth in trace_eyes(stage, eyes, camera.baseline_m, *clip_m).items():
         with explain_disk_errors("write", files[eye]):
             files[eye].write_bytes(encode_truth(truth, wanted, rounded))
+    return files
 
 
 #: Passes by ``quality.truth``; all of them if it is none of these.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ from ..files import explain_disk_errors, part_of, sha256, write_json
 from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights
 from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import Piece, join_files
-from ..formats.exr_pixels import drop_passes, round_passes
+from ..formats.exr_pixels import compress, drop_passes, round_passes
 from ..labels import BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
 from ..nodes.datablocks.fingerprint import built_objects
 from ..nodes.lander.objects import ROLES
@@ -36,7 +37,7 @@ from ..support.foreign_bytes import OverBudgetError
 from ..typed_settings import Settings
 from . import cycles_settings, hidden_pixels, passes, separate_lights, unlit
 from .baked_light import Indirect
-from .cost.estimate import bytes_of, count_bytes_left
+from .cost.estimate import count_bytes_left, pixels_of
 from .cycles_errors import first_line
 from .ground_maps import make_heights
 from .lander_record import lander_json
@@ -44,7 +45,7 @@ from .object_labels import lend_labels
 from .pair_record import light_json, pair_json
 from .pairs.baked_file import LIGHT
 from .pairs.our_files import check_no_link
-from .pairs.pair_folder import EYES, TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera
+from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera
 from .pairs.publish import check_place, discard, publish
 from .pairs.workspace_cells import WORKSPACE_FILE, workspace_extent
 from .plans.planned_pair import PlannedPair
@@ -54,8 +55,9 @@ from .ray_truth import trace_truth
 from .render_camera import add_render_camera, set_up_camera, shift_frame
 from .workers.claims import CLAIMS_FOLDER
 
-#: Disk space for Blender's own files while a pair is rendered, as a multiple of the finished pair.
-_ROOM_WHILE_WRITING = 1.3
+#: Bytes for a pair's pixel in Blender's own files, which are not compressed: 32-bit floats of all passes of the light,
+#: and of the truth where Cycles renders it.
+_ROOM_WHILE_WRITING = 4 * 48
 
 
 #: Most triangles that Cycles' data is kept for between two renders: half a gigabyte more than without.
@@ -108,7 +110,7 @@ def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) ->
         system.remove(probe)
         free = shutil.disk_usage(dataset).free
     left = count_bytes_left(pairs, dataset, again)
-    needed = left + _ROOM_WHILE_WRITING * max(bytes_of(pair.settings) for pair in pairs) if left else 0.0
+    needed = left + _ROOM_WHILE_WRITING * max(pixels_of(pair.settings) for pair in pairs) if left else 0.0
     if needed > free:
         raise IcyMoonError(f"{dataset} has {free / 1e6:.0f} MB free, {count_of(len(pairs), 'pair')} may need "
                            f"{needed / 1e6:.0f} MB more; "
@@ -206,13 +208,19 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
         prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         stage, engine = _choose_engine(rays, settings, takes)
+        clip_m = scene.camera.data.clip_start, scene.camera.data.clip_end
         lights = separate_lights.light_passes(scene, built)
         # What moves during a render is not kept from one to the next, nor are surfaces that change between them.
         scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system
                                             and _triangle_count(built) <= MOST_KEPT_TRIANGLES)
         truths = 0 if stage else (sum(layer == TRUTH for take in takes for layer, _ in take.images)
                                   + (len(hidden_pixels.STEPS_PX) if _is_full(planned) else 0))
-        with watch_samples(len(lights) * int(quality.samples), truths, report) as sampling:
+        with (watch_samples(len(lights) * int(quality.samples), truths, report) as sampling,
+              ThreadPoolExecutor(1) as beside):
+            # Cycles lets other threads run; of its own, not all are busy all the time.
+            traced = {k: beside.submit(trace_truth, stage, part / f"{TRUTH}{k}", camera, poses, clip_m, take.toed,
+                                       settings.quality.truth, rounded)
+                      for k, take in enumerate(takes) if stage and TRUTH in dict(take.images)}
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
                     scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None
@@ -220,10 +228,8 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                         stem = part / f"{layer}{k}"
                         if layer == BEAUTY:
                             made = _render_radiance(scene, built, lights, stem, planned)
-                        elif stage is not None:
-                            made = {eye: stem.with_name(f"{stem.name}-{eye}.exr") for eye in EYES}
-                            trace_truth(stage, made, camera, poses, scene.camera.data, take.toed,
-                                        settings.quality.truth, rounded)
+                        elif k in traced:
+                            made = traced[k].result()
                         else:
                             made = _render_truth(scene, built, stem, planned, camera, take.toed)
                         for eye, file in made.items():
@@ -321,17 +327,12 @@ def _render_truth(scene: bpy.types.Scene, built: Built, stem: Path, planned: Pla
 
 @contextmanager
 def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
-    """Render what is read once and removed: without surfaces where that saves time, into files that are not packed."""
+    """Render what is read once and removed: without surfaces where that saves time."""
     pixels = scene.render.resolution_x * scene.render.resolution_y
     kept = scene.render.use_persistent_data
     too_many = kept and _triangle_count(built) > unlit.MOST_TRIANGLES_A_PIXEL * pixels
-    codec = scene.render.image_settings.exr_codec
-    scene.render.image_settings.exr_codec = "NONE"
-    try:
-        with unlit.take_surfaces_off([] if too_many else built.materials):
-            yield
-    finally:
-        scene.render.image_settings.exr_codec = codec
+    with unlit.take_surfaces_off([] if too_many else built.materials):
+        yield
 
 
 @contextmanager
@@ -367,7 +368,7 @@ def _merge_layers(written: dict[str, Path], final: Path, rounded: set[str], comp
 
         def less(piece: Piece) -> Piece | None:
             kept = drop_passes(piece, passes.UNWANTED | twice)
-            return kept and round_passes(kept, rounded)
+            return kept and compress(round_passes(kept, rounded))
 
         final.write_bytes(join_files(layers, less))
         for file in written.values():

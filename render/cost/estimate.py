@@ -135,10 +135,10 @@ def work_of(settings: Settings) -> Work:
     relative += _ROCKS * (coverage > 0)
     samples = samples_taken(quality.samples, quality.noise_threshold)
     truth = _TRUTH_S_PER_MPX[quality.truth_by] if quality.truth == "FULL" else 0.0
-    return Work(_pixels(settings), samples, relative, quality.denoiser != "NONE", truth)
+    return Work(pixels_of(settings), samples, relative, quality.denoiser != "NONE", truth)
 
 
-def _pixels(settings: Settings) -> int:
+def pixels_of(settings: Settings) -> int:
     """Pixels of both eyes, margins included."""
     width, height = StereoCamera.from_settings(settings.rig).rendered_px
     return 2 * width * height
@@ -160,7 +160,7 @@ def bytes_of(settings: Settings) -> float:
     copies = 1 + (settings.rig.toe_in_deg != 0)  # the rectified rig's truth, and that of eyes that are turned
     truth = _DEPTH + _shape(settings, _NORMALS[NORMAL_PASS in rounded]) if quality.truth == "FULL" else _DEPTH
     larger = _DOUBLE_WIDTH ** math.log2(settings.rig.width_px / 160.0)
-    return _pixels(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _REST)
+    return pixels_of(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _REST)
 
 
 def _shape(settings: Settings, stored: _NormalBytes) -> float:

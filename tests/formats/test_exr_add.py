@@ -10,7 +10,7 @@ import pytest
 from icymoon.formats.exr_add import add_baked, add_planet, is_sum_of_lights
 from icymoon.formats.exr_layout import is_whole
 from icymoon.formats.exr_parts import assemble, join_files, read_pieces, strip_passing
-from icymoon.formats.exr_pixels import Pixels, drop_passes
+from icymoon.formats.exr_pixels import Pixels, compress, drop_passes
 from icymoon.stereo.images.exr import read_light
 
 LIGHT = ("Combined", "Combined_Sun", "Combined_Planet")
@@ -79,6 +79,37 @@ def test_passes_that_nobody_needs_are_left_out(tmp_path, several, compression, h
         # Random numbers do not shrink: what is left is in proportion.
         assert len(found) == 3 * kept
         assert len((tmp_path / "less.exr").read_bytes()) < len(data) * kept / 4 * 1.05 + 2000
+
+
+@pytest.mark.parametrize("several", [True, False])
+@pytest.mark.parametrize("height", [1, 16, 53])
+def test_a_file_without_compression_is_compressed_and_has_the_same_values(tmp_path, several, height):
+    ramp = np.broadcast_to(np.linspace(0, 1, 31, dtype=np.float32)[:, None], (height, 31, 3))
+    passes = {"Beauty.Combined": ramp, "Beauty.Combined_Sun": 2 * ramp}
+    sizes = {}
+    for compression in (OpenEXR.NO_COMPRESSION, OpenEXR.ZIPS_COMPRESSION):
+        write(tmp_path / "view.exr", passes, several, compression)
+        before = (tmp_path / "view.exr").read_bytes()
+        (tmp_path / "view.exr").write_bytes(join_files({"Beauty": before}, compress))
+        assert is_whole(tmp_path / "view.exr")
+        file = OpenEXR.File(str(tmp_path / "view.exr"))
+        sizes[compression] = {part.compression() for part in file.parts}, len(before), len(
+            (tmp_path / "view.exr").read_bytes())
+        found = read(tmp_path / "view.exr")
+        for name, values in passes.items():
+            assert all(np.array_equal(found[f"{name}.{band}"], values[..., k]) for k, band in enumerate("RGB"))
+    kinds, before, after = sizes[OpenEXR.NO_COMPRESSION]
+    assert kinds == {OpenEXR.ZIP_COMPRESSION}
+    assert after < before - 0.5 * height * 31 * 24
+    assert sizes[OpenEXR.ZIPS_COMPRESSION][0] == {OpenEXR.ZIPS_COMPRESSION}  # stays as it is
+
+
+def test_a_line_of_another_size_is_refused(tmp_path):
+    write(tmp_path / "view.exr", {"Beauty.Combined": np.ones((5, 4, 3), np.float32)}, True, OpenEXR.NO_COMPRESSION)
+    piece, = read_pieces((tmp_path / "view.exr").read_bytes())
+    piece.chunks[2] = piece.chunks[2][:-4]
+    with pytest.raises(ValueError, match="another size"):
+        Pixels(piece).decode()
 
 
 def test_a_layer_of_nothing_else_is_left_out_and_what_is_not_understood_stays(tmp_path):
