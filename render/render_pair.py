@@ -208,7 +208,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
         prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         stage, engine = _choose_engine(rays, settings, takes)
-        clip_m = scene.camera.data.clip_start, scene.camera.data.clip_end
+        clip_m = built.camera.data.clip_start, built.camera.data.clip_end
         lights = separate_lights.light_passes(scene, built)
         # What moves during a render is not kept from one to the next, nor are surfaces that change between them.
         scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system
