@@ -31,10 +31,27 @@ def test_a_pair_takes_what_is_expected_within_a_tenth(registered, tmp_path: Path
     assert found == sum(file.stat().st_size for file in pair.folder.glob("*.exr"))
 
 
+@pytest.mark.parametrize(("change", "least"), [
+    ({}, 0.1), ({**PLANET, "quality": {"denoiser": "OIDN", "truth_by": "CYCLES"}}, 0.4)])
+def test_blenders_own_files_take_no_more_than_there_is_room_for(registered, tmp_path: Path, monkeypatch, change, least):
+    sizes: list[int] = []
+    merge = render_pair._merge_layers
+
+    def weigh(written, *rest):
+        sizes.extend(file.stat().st_size for file in written.values())
+        return merge(written, *rest)
+
+    monkeypatch.setattr(render_pair, "_merge_layers", weigh)
+    pair, _ = render(tmp_path, VIEW, change)
+    room = render_pair._ROOM_WHILE_WRITING * estimate.pixels_of(pair.settings)
+    assert least * room < sum(sizes) < room
+
+
 def test_a_disk_that_holds_the_pairs_is_not_refused(tmp_path: Path, monkeypatch):
     pairs = expand_headings(complete(VIEW, {"dataset": {"headings": 20}}))
     expected = estimate.count_bytes_left(pairs, tmp_path)
-    for free, fits in ((1.1 * expected, True), (0.95 * expected, False)):
+    room = render_pair._ROOM_WHILE_WRITING * estimate.pixels_of(pairs[0].settings)
+    for free, fits in ((1.01 * expected + room, True), (0.99 * expected + room, False)):
         monkeypatch.setattr(render_pair.shutil, "disk_usage", lambda path, free=free: SimpleNamespace(free=free))
         if fits:
             render_pair.check_space(tmp_path, pairs)
