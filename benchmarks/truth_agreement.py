@@ -48,7 +48,8 @@ def compare(ours: Pair, cycles: Pair) -> list[float]:
     figures = []
     for eye in EYES:
         mine, other = (read_truth(pair.truth(eye), eye) for pair in (ours, cycles))
-        assert mine.normal is not None and other.normal is not None
+        assert mine.normal is not None
+        assert other.normal is not None
         known = np.stack([np.isfinite(view.depth) for view in (mine, other)])
         where = known.all(axis=0)
         relative = np.abs(mine.depth[where] / other.depth[where] - 1)
