@@ -218,3 +218,12 @@ def test_a_worker_without_a_library_ends_with_one_sentence(tmp_path):
 def test_the_readme_names_the_same_packages():
     page = (Path(system.__file__).parent / "README.md").read_text(encoding="utf-8")
     assert all(command in " ".join(page.split()) for command in system.BLENDER_NEEDS.values())
+
+
+def test_programs_of_ours_have_one_thread_for_short_products_unless_another_number_is_stated(monkeypatch):
+    ask = [sys.executable, "-c", "import os; print(os.environ['OPENBLAS_NUM_THREADS'])"]
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
+    for environment, threads in ((None, b"1"), ({**os.environ, "OPENBLAS_NUM_THREADS": "3"}, b"3")):
+        with system.start_ours(ask, environment) as process:
+            assert process.stdout is not None
+            assert process.stdout.read().strip() == threads
