@@ -93,20 +93,21 @@ class Rung:
 
 def ladder() -> list[Rung]:
     """The rows, each with all changes of those above it."""
-    bounces: Parts = {"quality": {"diffuse_bounces": 3, "noise_threshold": 0.0}}
+    both: Parts = {"quality": {"truth_by": "CYCLES"}}
+    bounces: Parts = {"quality": {**both["quality"], "diffuse_bounces": 3, "noise_threshold": 0.0}}
     solid: Parts = {**bounces, "surface": {"subsurface_weight": 0.0}}
     few: Parts = {**solid, "quality": {**bounces["quality"], "samples": 9}}
-    depth: Parts = {**few, "quality": {**few["quality"], "truth": "DEPTH"}}
-    plain: Parts = {**depth, "surface": {"model": "LAMBERT"}}
-    camera: Parts = {**plain, "quality": {**depth["quality"], "fine_relief": "CAMERA"}}
+    rays: Parts = {**few, "quality": {**few["quality"], "truth_by": "RAYS"}}
+    plain: Parts = {**rays, "surface": {"model": "LAMBERT"}}
+    camera: Parts = {**plain, "quality": {**rays["quality"], "fine_relief": "CAMERA"}}
     return [Rung("paper's settings, two renders", {}, PAPER, apart=True),
-            Rung("both eyes in one render, geometry kept", {}, PAPER),
+            Rung("both eyes in one render, geometry kept", both, PAPER),
             Rung("3 bounces, no clamp", bounces, CLEANED),
             Rung("no subsurface scattering, same albedo", solid, CLEANED),
             Rung("the denoiser's guides not cleaned", solid, CLASSIC),
             Rung("blue noise", solid),
             Rung("9 samples", few),
-            Rung("truth is depth only", depth),
+            Rung("truth by rays", rays),
             Rung("Lambert, same albedo", plain),
             Rung(LAMBERT, camera),
             Rung("7 samples", _with_quality(camera, {"samples": 7})),

@@ -45,7 +45,9 @@ def read_shards(folder: Path) -> Callable[[int], object]:
                     if key != sample.get("key", key):
                         yield sample
                         sample = {}
-                    sample |= {"key": key, name: shard.extractfile(member).read()}
+                    content = shard.extractfile(member)
+                    assert content is not None
+                    sample |= {"key": key, name: content.read()}
                 yield sample
 
     each = cycle(samples())

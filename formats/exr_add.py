@@ -6,12 +6,12 @@ Only the passes whose light changes are decoded; other parts stay as they are.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ..labels import BAKED_AOVS, BEAUTY, GROUP_PASSES, IMAGE_PASS
-from .exr_parts import assemble, read_pieces, strip_passing
+from .exr_parts import Piece
 from .exr_pixels import Pixels
 
 _PLANET = f"{IMAGE_PASS}_Planet"
@@ -32,44 +32,44 @@ def _read_bands(parts: list[Pixels], wanted: str) -> dict[str, np.ndarray]:
     return {band: decoded[found[band][0]][:, found[band][1]] for band in "RGB"}
 
 
-def add_planet(image: bytes, planet: bytes) -> bytes:
-    """An EXR file with what another has in its planet's light group added to its image and to its planet's group.
+def add_planet(image: Sequence[Piece], planet: Sequence[Piece]) -> list[Piece]:
+    """The parts of a file with what those of another have in their planet's light group added to their image and to
+    their planet's group.
 
-    Raises ValueError, KeyError or OverBudgetError for what cannot be added.
+    Raises ValueError or KeyError for what cannot be added.
     """
-    light = _read_bands([Pixels(piece) for piece in read_pieces(planet)], _PLANET)
+    light = _read_bands([Pixels(piece) for piece in planet], _PLANET)
     return _add(image, {IMAGE_PASS: light, _PLANET: light})[0]
 
 
-def add_baked(image: bytes) -> tuple[bytes, dict[str, float]]:
-    """An EXR file with its passes of baked light added to its image and to their light groups, where it has any, and
-    the share of each in all light of the image, by light group: nan if a pixel has less than none, which is ground to
-    which no light was baked.
+def add_baked(image: Sequence[Piece]) -> tuple[list[Piece], dict[str, float]]:
+    """The parts of a file with their passes of baked light added to their image and to its light groups, where it has
+    any, and the share of each in all light of the image, by light group: nan if a pixel has less than none, which is
+    ground to which no light was baked.
 
     Raises as ``add_planet`` does.
     """
-    parts = [Pixels(piece) for piece in read_pieces(image)]
+    parts = [Pixels(piece) for piece in image]
     there = [group for group, name in BAKED_AOVS.items() if _find_bands(parts, f"{BEAUTY}.{name}")]
     light = {group: _read_bands(parts, f"{BEAUTY}.{BAKED_AOVS[group]}") for group in there or BAKED_AOVS}
     if any(values.min(initial=0.0) < 0.0 for bands in light.values() for values in bands.values()):
-        return image, dict.fromkeys(light, math.nan)
+        return list(image), dict.fromkeys(light, math.nan)
     added = {f"{BEAUTY}.Combined_{group}": bands for group, bands in light.items()
              if _find_bands(parts, f"{BEAUTY}.Combined_{group}")}
     whole = {band: np.sum([bands[band] for bands in light.values()], axis=0, dtype=np.float32) for band in "RGB"}
-    image, total = _add(image, {IMAGE_PASS: whole, **added})
-    return image, {group: sum(float(values.sum(dtype=np.float64)) for values in bands.values()) / total
+    lit, total = _add(image, {IMAGE_PASS: whole, **added})
+    return lit, {group: sum(float(values.sum(dtype=np.float64)) for values in bands.values()) / total
                    if total > 0 else 0.0 for group, bands in light.items()}
 
 
-def is_sum_of_lights(image: bytes) -> bool:
-    """Whether the image in an EXR file is the sum of its light groups, so that it need not be stored beside them.
+def is_sum_of_lights(image: Sequence[Piece]) -> bool:
+    """Whether the image in the parts of a file is the sum of its light groups, so that it need not be stored beside
+    them.
 
-    It is not if it was denoised, or has no groups, or is of a kind that is not read here. Raises OverBudgetError, and
-    ValueError for what is no EXR file.
+    It is not if it was denoised, or has no groups, or is of a kind that is not read here.
     """
-    pieces = read_pieces(image)
     try:
-        parts = [Pixels(piece) for piece in pieces]
+        parts = [Pixels(piece) for piece in image]
         whole, *lights = (_read_bands(parts, name) for name in (IMAGE_PASS, *GROUP_PASSES))
     except (KeyError, ValueError):
         return False
@@ -77,10 +77,9 @@ def is_sum_of_lights(image: bytes) -> bool:
     return all((np.abs(sums[band] - whole[band]) <= _SUM_ERROR * np.abs(whole[band])).all() for band in "RGB")
 
 
-def _add(image: bytes, light: Mapping[str, Mapping[str, np.ndarray]]) -> tuple[bytes, float]:
-    """A file with ``light`` by pass, each band as decoded, added, and the sum of the image then."""
-    made = [strip_passing(piece, BEAUTY) for piece in read_pieces(image)]
-    parts = [Pixels(piece) for piece in made]
+def _add(image: Sequence[Piece], light: Mapping[str, Mapping[str, np.ndarray]]) -> tuple[list[Piece], float]:
+    """Parts with ``light`` by pass, each band as decoded, added, and the sum of the image then."""
+    parts = [Pixels(piece) for piece in image]
     values: dict[int, np.ndarray] = {}
     total = 0.0
     for wanted, bands in light.items():
@@ -91,4 +90,4 @@ def _add(image: bytes, light: Mapping[str, Mapping[str, np.ndarray]]) -> tuple[b
                 values[number] = parts[number].decode()
             values[number][:, k] += bands[band]
             total += float(values[number][:, k].sum(dtype=np.float64)) if wanted == IMAGE_PASS else 0.0
-    return assemble([parts[k].encode(values[k]) if k in values else piece for k, piece in enumerate(made)]), total
+    return [parts[k].encode(values[k]) if k in values else piece for k, piece in enumerate(image)], total

@@ -101,12 +101,11 @@ def encode_attribute(name: str, kind: str, value: bytes) -> bytes:
     return name.encode() + b"\0" + kind.encode() + b"\0" + struct.pack("<i", len(value)) + value
 
 
-def join_files(files: Mapping[str, bytes], less: Callable[[Piece], Piece | None] = lambda piece: piece) -> bytes:
-    """One EXR file of the parts of several, each as ``less`` leaves it (None: not at all).
+def join_layers(layers: Mapping[str, Sequence[Piece]],
+                less: Callable[[Piece], Piece | None] = lambda piece: piece) -> bytes:
+    """One EXR file of the parts of several, by their layers, each as ``less`` leaves it (None: not at all).
 
-    The part of a file that has only one, without a name, gets the file's key as name.
-
-    Raises ValueError, KeyError or OverBudgetError for what is no EXR file.
+    The part of a layer that has only one, without a name, gets the layer's name.
     """
-    return assemble([strip_passing(left, name) for name, data in files.items() for piece in read_pieces(data)
+    return assemble([strip_passing(left, name) for name, pieces in layers.items() for piece in pieces
                      if (left := less(piece)) is not None])

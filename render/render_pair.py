@@ -19,7 +19,7 @@ from ..errors import DiskError, IcyMoonError
 from ..files import explain_disk_errors, part_of, sha256, write_json
 from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights
 from ..formats.exr_layout import is_whole
-from ..formats.exr_parts import Piece, join_files
+from ..formats.exr_parts import Piece, assemble, join_layers, read_pieces
 from ..formats.exr_pixels import compress, drop_passes, round_passes
 from ..labels import BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
 from ..nodes.datablocks.fingerprint import built_objects
@@ -234,15 +234,18 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                             made = _render_truth(scene, built, stem, planned, camera, take.toed)
                         for eye, file in made.items():
                             files.setdefault(name.format(eye), {})[layer] = file
-                            if layer == BEAUTY and indirect.lights:
-                                shares[eye] = _add_baked_light(file, planned)
         light = light_json(built, settings.light.directions_from)
         if settings.workspace.cell_m > 0:
             _write_workspace(part / WORKSPACE_FILE, built, scene, settings)
     rendered = time.perf_counter() - start
     start = time.perf_counter()
-    written = {name: _merge_layers(layers, part / name, rounded, quality.files == "COMPACT")
-               for name, layers in sorted(files.items())}
+    written: dict[str, dict[str, Any]] = {}
+    for name, layers in sorted(files.items()):
+        with _report_unreadable(planned):
+            found = _read_layers(layers, part / name)
+            if indirect.lights and BEAUTY in found:
+                found[BEAUTY], shares[Path(name).stem] = add_baked(found[BEAUTY])
+            written[name] = _write_layers(found, part / name, rounded, quality.files == "COMPACT")
     if settings.workspace.cell_m > 0:
         written[WORKSPACE_FILE] = _fact_of(part / WORKSPACE_FILE)
     return {**pair_json(built, planned, poses, light, written, {
@@ -286,18 +289,11 @@ def _render_radiance(scene: bpy.types.Scene, built: Built, lights: list[separate
         for eye, file in made.items():
             if eye in files:
                 with explain_disk_errors("write", file), _report_unreadable(planned):
-                    files[eye].write_bytes(add_planet(files[eye].read_bytes(), file.read_bytes()))
+                    files[eye].write_bytes(assemble(add_planet(*(read_pieces(each.read_bytes())
+                                                                 for each in (files[eye], file)))))
                     system.remove(file)
             files.setdefault(eye, file)
     return files
-
-
-def _add_baked_light(file: Path, planned: PlannedPair) -> dict[str, float]:
-    """Add baked light to an image of direct light; its shares of the light in the image, by light group."""
-    with explain_disk_errors("write", file), _report_unreadable(planned):
-        added, shares = add_baked(file.read_bytes())
-        file.write_bytes(added)
-    return shares
 
 
 def _render_truth(scene: bpy.types.Scene, built: Built, stem: Path, planned: PlannedPair, camera: StereoCamera,
@@ -357,24 +353,32 @@ def _run_cycles(scene: bpy.types.Scene, files: dict[str, Path], planned: Planned
                             "the disk is full or the folder may not be written to.")
 
 
-def _merge_layers(written: dict[str, Path], final: Path, rounded: set[str], compact: bool) -> dict[str, Any]:
-    """Put the layers that Blender wrote into one file, flush it and return its size and checksum.
+def _read_layers(written: dict[str, Path], final: Path) -> dict[str, list[Piece]]:
+    """The parts of the layers that were written for the file ``final``; their files are removed."""
+    with explain_disk_errors("write", final):
+        found = {name: read_pieces(file.read_bytes()) for name, file in written.items()}
+        for file in written.values():
+            system.remove(file)
+    return found
+
+
+def _write_layers(layers: dict[str, list[Piece]], final: Path, rounded: set[str], compact: bool) -> dict[str, Any]:
+    """Put layers into one file, flush it and return its size and checksum.
 
     The passes ``rounded`` are stored as 16-bit floats. A ``compact`` file has no image that is the sum of its lights.
     """
+    twice = {IMAGE_PASS} if compact and BEAUTY in layers and is_sum_of_lights(layers[BEAUTY]) else set[str]()
+
+    def less(piece: Piece) -> Piece | None:
+        kept = drop_passes(piece, passes.UNWANTED | twice)
+        return kept and compress(round_passes(kept, rounded))
+
+    data = join_layers(layers, less)
     with explain_disk_errors("write", final):
-        layers = {name: file.read_bytes() for name, file in written.items()}
-        twice = {IMAGE_PASS} if compact and BEAUTY in layers and is_sum_of_lights(layers[BEAUTY]) else set[str]()
-
-        def less(piece: Piece) -> Piece | None:
-            kept = drop_passes(piece, passes.UNWANTED | twice)
-            return kept and compress(round_passes(kept, rounded))
-
-        final.write_bytes(join_files(layers, less))
-        for file in written.values():
-            system.remove(file)
+        final.write_bytes(data)
         system.flush(final)
-        return _fact_of(final)
+    return _fact_of(final)
+
 
 
 def _fact_of(file: Path) -> dict[str, Any]:

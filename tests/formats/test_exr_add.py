@@ -9,7 +9,7 @@ import OpenEXR
 import pytest
 from icymoon.formats.exr_add import add_baked, add_planet, is_sum_of_lights
 from icymoon.formats.exr_layout import is_whole
-from icymoon.formats.exr_parts import assemble, join_files, read_pieces, strip_passing
+from icymoon.formats.exr_parts import Piece, assemble, join_layers, read_pieces, strip_passing
 from icymoon.formats.exr_pixels import Pixels, compress, drop_passes
 from icymoon.stereo.images.exr import read_light
 
@@ -24,6 +24,10 @@ def write(path, passes: dict[str, np.ndarray], several: bool, compression) -> No
     parts = ([OpenEXR.Part(dict(header), found, name) for name, found in channels.items()] if several else
              [OpenEXR.Part(dict(header), {k: v for found in channels.values() for k, v in found.items()}, "a")])
     OpenEXR.File(parts).write(str(path))
+
+
+def pieces_of(path) -> list[Piece]:
+    return read_pieces(path.read_bytes())
 
 
 def read(path) -> dict[str, np.ndarray]:
@@ -47,8 +51,8 @@ def test_parts_are_joined_and_light_is_added(tmp_path, several, compression, hei
                                   "Beauty.Combined_Planet": planet}, several, compression)
     write(tmp_path / "planet.exr", {"Beauty.Combined": ice, "Beauty.Combined_Planet": ice}, several, compression)
     write(tmp_path / "truth.exr", {"Truth.Normal": normal}, several, compression)
-    view, light, truth = ((tmp_path / f"{name}.exr").read_bytes() for name in ("view", "planet", "truth"))
-    (tmp_path / "view.exr").write_bytes(join_files({"Beauty": add_planet(view, light), "Truth": truth}))
+    view, light, truth = (pieces_of(tmp_path / f"{name}.exr") for name in ("view", "planet", "truth"))
+    (tmp_path / "view.exr").write_bytes(join_layers({"Beauty": add_planet(view, light), "Truth": truth}))
     assert is_whole(tmp_path / "view.exr")
     found = read(tmp_path / "view.exr")
     for k, band in enumerate("RGB"):
@@ -56,8 +60,8 @@ def test_parts_are_joined_and_light_is_added(tmp_path, several, compression, hei
         assert np.array_equal(found[f"Beauty.Combined.{band}"], (sun + planet + ice)[..., k])
         assert np.array_equal(found[f"Beauty.Combined_Planet.{band}"], (planet + ice)[..., k])
         assert np.array_equal(found[f"Beauty.Combined_Sun.{band}"], sun[..., k])
-    light = read_light(tmp_path / "view.exr")
-    assert np.allclose(sum(light.groups.values()), light.radiance, rtol=1e-5)
+    stored = read_light(tmp_path / "view.exr")
+    assert np.allclose(sum(stored.groups.values()), stored.radiance, rtol=1e-5)
 
 
 @pytest.mark.parametrize("compression", [OpenEXR.NO_COMPRESSION, OpenEXR.ZIPS_COMPRESSION, OpenEXR.ZIP_COMPRESSION])
@@ -70,7 +74,8 @@ def test_passes_that_nobody_needs_are_left_out(tmp_path, several, compression, h
     write(tmp_path / "truth.exr", made, several, compression)
     data = (tmp_path / "truth.exr").read_bytes()
     for unwanted, kept in (({"Truth.Combined"}, 3), ({"Truth.Combined", "Truth.Combined_Sun"}, 2), ({"Truth.Comb"}, 4)):
-        (tmp_path / "less.exr").write_bytes(join_files({"Truth": data}, partial(drop_passes, unwanted=unwanted)))
+        less = partial(drop_passes, unwanted=unwanted)
+        (tmp_path / "less.exr").write_bytes(join_layers({"Truth": read_pieces(data)}, less))
         assert is_whole(tmp_path / "less.exr")
         found = read(tmp_path / "less.exr")
         assert {name.rpartition(".")[0] for name in found} == made.keys() - unwanted
@@ -90,7 +95,7 @@ def test_a_file_without_compression_is_compressed_and_has_the_same_values(tmp_pa
     for compression in (OpenEXR.NO_COMPRESSION, OpenEXR.ZIPS_COMPRESSION):
         write(tmp_path / "view.exr", passes, several, compression)
         before = (tmp_path / "view.exr").read_bytes()
-        (tmp_path / "view.exr").write_bytes(join_files({"Beauty": before}, compress))
+        (tmp_path / "view.exr").write_bytes(join_layers({"Beauty": read_pieces(before)}, compress))
         assert is_whole(tmp_path / "view.exr")
         file = OpenEXR.File(str(tmp_path / "view.exr"))
         sizes[compression] = {part.compression() for part in file.parts}, len(before), len(
@@ -116,10 +121,10 @@ def test_a_layer_of_nothing_else_is_left_out_and_what_is_not_understood_stays(tm
     values = np.ones((5, 7, 3), np.float32)
     write(tmp_path / "a.exr", {"Truth.Combined": values}, False, OpenEXR.ZIP_COMPRESSION)
     write(tmp_path / "b.exr", {"Truth.Combined": values, "Truth.Depth": values}, False, OpenEXR.PIZ_COMPRESSION)
-    a, b = ((tmp_path / name).read_bytes() for name in ("a.exr", "b.exr"))
+    a, b = (pieces_of(tmp_path / name) for name in ("a.exr", "b.exr"))
     less = partial(drop_passes, unwanted={"Truth.Combined"})
-    assert [piece.name for piece in read_pieces(join_files({"A": a, "B": b}, less))] == ["a"]
-    (tmp_path / "less.exr").write_bytes(join_files({"A": a, "B": b}, less))
+    assert [piece.name for piece in read_pieces(join_layers({"A": a, "B": b}, less))] == ["a"]
+    (tmp_path / "less.exr").write_bytes(join_layers({"A": a, "B": b}, less))
     assert len(read(tmp_path / "less.exr")) == 6
 
 
@@ -127,11 +132,9 @@ def test_what_cannot_be_added_is_refused(tmp_path):
     values = np.zeros((4, 4, 3), np.float32)
     write(tmp_path / "view.exr", {"Beauty.Combined": values}, True, OpenEXR.ZIP_COMPRESSION)
     write(tmp_path / "planet.exr", {"Beauty.Combined_Planet": values}, True, OpenEXR.ZIP_COMPRESSION)
-    view, planet = ((tmp_path / f"{name}.exr").read_bytes() for name in ("view", "planet"))
+    view, planet = (pieces_of(tmp_path / f"{name}.exr") for name in ("view", "planet"))
     with pytest.raises(KeyError):  # it has no planet's group
         add_planet(view, planet)
-    with pytest.raises(ValueError, match="EXR"):
-        add_planet(b"not an image", planet)
 
 
 @pytest.mark.parametrize("compression", [OpenEXR.NO_COMPRESSION, OpenEXR.ZIP_COMPRESSION])
@@ -156,16 +159,16 @@ def test_baked_light_is_added_to_the_image_and_its_share_is_known(tmp_path, seve
     direct, baked, other = ((random.random((20, 31, 3)) * scale).astype(np.float32) for scale in (10.0, 3.0, 1.0))
     write(tmp_path / "view.exr", {"Beauty.Combined": direct, "Beauty.Baked": baked, "Beauty.Depth": other}, several,
           OpenEXR.ZIP_COMPRESSION)
-    added, shares = add_baked((tmp_path / "view.exr").read_bytes())
+    added, shares = add_baked(pieces_of(tmp_path / "view.exr"))
     assert shares == {"Sun": pytest.approx(baked.sum() / (direct + baked).sum(), rel=1e-6)}
-    (tmp_path / "view.exr").write_bytes(join_files({"Beauty": added}, partial(drop_passes, unwanted={"Beauty.Baked"})))
+    (tmp_path / "view.exr").write_bytes(join_layers({"Beauty": added}, partial(drop_passes, unwanted={"Beauty.Baked"})))
     found = read(tmp_path / "view.exr")
     for k, band in enumerate("RGB"):
         assert np.array_equal(found[f"Beauty.Combined.{band}"], (direct + baked)[..., k])
         assert np.array_equal(found[f"Beauty.Depth.{band}"], other[..., k])
     assert not any("Baked" in name for name in found)
     with pytest.raises(KeyError):
-        add_baked((tmp_path / "view.exr").read_bytes())
+        add_baked(pieces_of(tmp_path / "view.exr"))
 
 
 def test_a_pixel_without_baked_light_makes_the_share_unknown(tmp_path):
@@ -173,7 +176,7 @@ def test_a_pixel_without_baked_light_makes_the_share_unknown(tmp_path):
     baked = direct.copy()
     baked[2, 3] = -1e20
     write(tmp_path / "view.exr", {"Beauty.Combined": direct, "Beauty.Baked": baked}, True, OpenEXR.ZIP_COMPRESSION)
-    before = (tmp_path / "view.exr").read_bytes()
+    before = pieces_of(tmp_path / "view.exr")
     added, shares = add_baked(before)
     assert np.isnan(shares["Sun"])
     assert added == before
@@ -187,11 +190,11 @@ def test_baked_light_of_sun_and_planet_is_added_to_the_light_groups_too(tmp_path
     write(tmp_path / "view.exr", {
         "Beauty.Combined": sun + planet, "Beauty.Combined_Sun": sun, "Beauty.Combined_Planet": planet,
         "Beauty.Baked": by_sun, "Beauty.BakedPlanet": by_planet}, several, OpenEXR.ZIP_COMPRESSION)
-    added, shares = add_baked((tmp_path / "view.exr").read_bytes())
+    added, shares = add_baked(pieces_of(tmp_path / "view.exr"))
     total = sun.sum() + planet.sum() + by_sun.sum() + by_planet.sum()
     assert shares == {"Sun": pytest.approx(by_sun.sum() / total, rel=1e-5),
                       "Planet": pytest.approx(by_planet.sum() / total, rel=1e-5)}
-    (tmp_path / "view.exr").write_bytes(join_files({"Beauty": added}))
+    (tmp_path / "view.exr").write_bytes(join_layers({"Beauty": added}))
     light = read_light(tmp_path / "view.exr")
     assert np.array_equal(light.groups["Sun"], sun + by_sun)
     assert np.array_equal(light.groups["Planet"], planet + by_planet)
@@ -214,10 +217,10 @@ def test_an_image_is_the_sum_of_its_lights_or_not(tmp_path, several):
              "one light": ({"Beauty.Combined": sun}, False), "no image": (lights, False)}
     for name, (passes, is_sum) in cases.items():
         write(tmp_path / "view.exr", passes, several, OpenEXR.ZIP_COMPRESSION)
-        assert is_sum_of_lights((tmp_path / "view.exr").read_bytes()) is is_sum, name
+        assert is_sum_of_lights(pieces_of(tmp_path / "view.exr")) is is_sum, name
 
 
 def test_an_image_of_a_kind_that_is_not_read_is_no_sum(tmp_path):
     values = np.ones((20, 31, 3), np.float32)
     write(tmp_path / "view.exr", {"Beauty.Combined": values}, True, OpenEXR.PIZ_COMPRESSION)
-    assert not is_sum_of_lights((tmp_path / "view.exr").read_bytes())
+    assert not is_sum_of_lights(pieces_of(tmp_path / "view.exr"))

@@ -6,7 +6,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from icymoon.formats.exr_layout import is_whole
-from icymoon.formats.exr_parts import assemble, join_files, read_pieces
+from icymoon.formats.exr_parts import Piece, assemble, join_layers, read_pieces
 
 COMPRESSIONS = ("NO_COMPRESSION", "RLE_COMPRESSION", "ZIPS_COMPRESSION", "ZIP_COMPRESSION", "PIZ_COMPRESSION")
 
@@ -40,7 +40,7 @@ def test_joined_files_hold_the_same_pixels_and_nothing_of_the_run(tmp_path, comp
     pixels = {layer: [random.random((53, 31)).astype(np.float32) for _ in range(parts)]
               for layer in ("Beauty", "Truth")}
 
-    def written(date: str) -> dict[str, bytes]:
+    def written(date: str) -> dict[str, list[Piece]]:
         files = {}
         for layer, images in pixels.items():
             header = {"compression": getattr(OpenEXR, compression), "type": OpenEXR.scanlineimage, "Date": date,
@@ -48,11 +48,11 @@ def test_joined_files_hold_the_same_pixels_and_nothing_of_the_run(tmp_path, comp
             path = tmp_path / f"{layer}.exr"
             OpenEXR.File([OpenEXR.Part(dict(header), {f"{layer}.{k}.Z": image.copy()}, f"{layer}.{k}")
                           for k, image in enumerate(images)]).write(str(path))
-            files[layer] = path.read_bytes()
+            files[layer] = read_pieces(path.read_bytes())
         return files
 
-    data = join_files(written("today"))
-    assert data == join_files(written("the day after"))
+    data = join_layers(written("today"))
+    assert data == join_layers(written("the day after"))
     path = tmp_path / "joined.exr"
     path.write_bytes(data)
     assert is_whole(path)

@@ -35,13 +35,13 @@ def test_a_pair_takes_what_is_expected_within_a_tenth(registered, tmp_path: Path
     ({}, 0.1), ({**PLANET, "quality": {"denoiser": "OIDN", "truth_by": "CYCLES"}}, 0.4)])
 def test_blenders_own_files_take_no_more_than_there_is_room_for(registered, tmp_path: Path, monkeypatch, change, least):
     sizes: list[int] = []
-    merge = render_pair._merge_layers
+    read = render_pair._read_layers
 
     def weigh(written, *rest):
         sizes.extend(file.stat().st_size for file in written.values())
-        return merge(written, *rest)
+        return read(written, *rest)
 
-    monkeypatch.setattr(render_pair, "_merge_layers", weigh)
+    monkeypatch.setattr(render_pair, "_read_layers", weigh)
     pair, _ = render(tmp_path, VIEW, change)
     room = render_pair._ROOM_WHILE_WRITING * estimate.pixels_of(pair.settings)
     assert least * room < sum(sizes) < room

@@ -8,7 +8,7 @@ import OpenEXR
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.formats.exr_parts import join_files
+from icymoon.formats.exr_parts import join_layers, read_pieces
 from icymoon.formats.exr_pixels import drop_passes
 from icymoon.labels import GROUP_PASSES
 from icymoon.stereo.images.exr import (
@@ -86,7 +86,8 @@ def test_one_view_is_picked_from_a_file_with_both(tmp_path):
 def test_an_image_that_is_not_stored_is_the_sum_of_its_lights(tmp_path, layout, rows):
     path = pairs.write_pair(tmp_path / "pair", SCENE, layout=layout, planet_share=0.25) / "left.exr"
     whole = read_view(path, "left", rows=rows)
-    path.write_bytes(join_files({"": path.read_bytes()}, partial(drop_passes, unwanted={"Beauty.Combined"})))
+    less = partial(drop_passes, unwanted={"Beauty.Combined"})
+    path.write_bytes(join_layers({"": read_pieces(path.read_bytes())}, less))
     view, light = read_view(path, "left", rows=rows), read_light(path, "left", rows=rows)
     for found in (view, light):
         np.testing.assert_allclose(found.radiance, whole.radiance, rtol=1e-6)
