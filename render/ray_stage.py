@@ -18,11 +18,12 @@ from ..labels import INSTANCE_ATTRIBUTE
 from ..nodes.datablocks.fingerprint import TAG
 from ..nodes.light.celestial_meshes import TRANSMISSION
 from ..nodes.tree.evaluate_field import read_numbers
-from ..rays.engine import can_trace, open_tracer
+from ..rays.engine import open_tracer
 from ..rays.shapes import Placed, Shape, World
 from ..rays.stereo_truth import Stage
 from .mesh_arrays import read_corners, read_slots, read_smooth, read_triangles, read_vertices
 from .moved_vertices import is_moved, move_corners
+from .tree_tracer import TreeTracer
 from .unlit import is_opaque
 
 #: Objects without a surface.
@@ -69,12 +70,10 @@ class RaysOfScene:
         return self._stage
 
     def _build(self) -> Stage:
-        folders = compat.library_folders()
-        if not can_trace(folders):
-            raise CannotTrace("there is no Embree here")
         self._parts = _collect(self._scene, self._still_m)
         ground, sky = self._worlds()
-        return Stage(ground, open_tracer(ground, folders), sky, open_tracer(sky, folders))
+        tracers = [open_tracer(world, compat.library_folders(), TreeTracer) for world in (ground, sky)]
+        return Stage(ground, tracers[0], sky, tracers[1])
 
     def _place(self, before: Stage) -> Stage:
         """The same shapes in other places."""
