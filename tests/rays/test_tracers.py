@@ -87,6 +87,14 @@ def test_rays_from_many_places_and_more_than_are_traced_at_a_time(make, monkeypa
         assert np.array_equal(getattr(whole, name), getattr(parts, name))
     alone = [by_hand(world, start, ray[None])[0][0] for start, ray in zip(origin[:50], direction[:50], strict=True)]
     assert whole.along[:50] == pytest.approx(alone, rel=1e-6)
+    assert find_surface(world, whole, origin, direction).along[:50] == pytest.approx(alone, rel=1e-12)
+
+
+def test_the_highest_of_a_world_is_that_of_its_boxes():
+    boxes = some_world().placed[1]
+    heights = BOX.vertices.astype(float) @ boxes.places[:, 2, :3].T + boxes.places[:, 2, 3]
+    assert World([boxes]).highest_m() == pytest.approx(heights.max(), rel=1e-12)
+    assert World([]).highest_m() == World([Placed(BOX, boxes.places[:0], boxes.numbers[:0])]).highest_m() == 0.0
 
 
 def test_no_rays_and_no_world(make):
@@ -165,13 +173,13 @@ def test_shading_normals_of_a_ball_are_those_of_an_ellipsoid(make, mirrored):
     assert (wanted * surface.normal[hits.met]).sum(axis=1).min() < np.cos(np.radians(2.0))
 
 
-def test_rays_in_all_directions_among_hundreds_of_places(make):
+def test_rays_in_all_directions_among_many_places(make):
     """Rays in a row go nowhere together, some start inside a box, and others have nothing ahead."""
     random = np.random.default_rng(5)
-    places = np.array([somewhere(random, 0.3) for _ in range(300)])
-    places[:, :3, 3] = random.uniform(-5, 5, (300, 3))
-    world = World([Placed(BOX, places[:200], np.arange(200)), Placed(BOX, places[200:], 200 + np.arange(100))])
-    direction = random.normal(size=(2000, 3))
+    places = np.array([somewhere(random, 0.3) for _ in range(90)])
+    places[:, :3, 3] = random.uniform(-3, 3, (90, 3))
+    world = World([Placed(BOX, places[:60], np.arange(60)), Placed(BOX, places[60:], 60 + np.arange(30))])
+    direction = random.normal(size=(500, 3))
     for origin in (HERE, places[3, :3, 3], np.array([9.0, 0.0, 0.0])):
         along, number, _ = by_hand(world, origin, direction)
         tracer = make(world)
@@ -179,7 +187,7 @@ def test_rays_in_all_directions_among_hundreds_of_places(make):
         assert np.array_equal(np.isinf(found.along), np.isinf(along))
         assert np.array_equal(found.number[np.isfinite(along)], number[np.isfinite(along)])
         assert found.along == pytest.approx(along, rel=1e-9)
-        end = random.uniform(0.1, 5.0, 2000)
+        end = random.uniform(0.1, 5.0, 500)
         assert np.array_equal(tracer.is_blocked(origin, direction, 0.0, end), along < end)
 
 

@@ -9,6 +9,7 @@ import bpy
 import numpy as np
 import pytest
 from icymoon import compat
+from icymoon.labels import FIRST_ROCK_INSTANCE
 from icymoon.nodes.scene import Built, build
 from icymoon.rays import engine
 from icymoon.render import moved_vertices
@@ -134,6 +135,15 @@ def test_objects_of_the_user_are_met_as_they_stand(tmp_path):
     (ours, cycles), = both(tmp_path, complete(WIDE), change)
     check_same(ours, cycles)
     assert len(np.unique(read_truth(ours.truth("left"), "left").instance)) >= 3
+
+
+def test_rocks_that_are_hidden_in_renders_are_not_met(tmp_path):
+    def change(built: Built) -> None:
+        assert built.rocks is not None
+        built.rocks.hide_render = True
+    (ours, cycles), = both(tmp_path, complete(WIDE, {"rocks": ROCKS}), change)
+    check_same(ours, cycles)
+    assert read_truth(ours.truth("left"), "left").instance.max() < FIRST_ROCK_INSTANCE
 
 
 def pane(built: Built) -> None:
