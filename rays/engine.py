@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 
+from ..errors import IcyMoonError
 from .embree import EmbreeTracer, Library, load_library
 from .shapes import World
 from .surface import Tracer
@@ -16,15 +18,18 @@ def _library(folders: tuple[Path, ...]) -> Library | None:
     return load_library(folders)
 
 
-def can_trace(folders: Sequence[Path] = ()) -> bool:
-    """Whether rays can be traced here: there is Embree in one of ``folders``, in embreex or in the system."""
-    return _library(tuple(folders)) is not None
+def open_tracer(world: World, folders: Sequence[Path] = (),
+                without_embree: Callable[[World], Tracer] | None = None) -> Tracer:
+    """A tracer of a world: by Embree, if it is in one of ``folders``, in embreex or in the system, else the one that
+    ``without_embree`` makes.
 
-
-def open_tracer(world: World, folders: Sequence[Path] = ()) -> Tracer:
-    """A tracer of a world. Raises RuntimeError without an engine, MemoryError if trees need more memory than there is.
+    Raises IcyMoonError if there is no Embree and nothing that would do without, MemoryError if trees need more memory
+    than there is.
     """
     library = _library(tuple(folders))
-    if library is None:
-        raise RuntimeError("there is no Embree")
-    return EmbreeTracer(library, world)
+    if library is not None:
+        return EmbreeTracer(library, world)
+    if without_embree is None:
+        raise IcyMoonError(f"{sys.executable} cannot trace rays, because it lacks Embree; run "
+                           f"{sys.executable} -m pip install embreex.")
+    return without_embree(world)

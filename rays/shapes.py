@@ -106,6 +106,15 @@ class World:
     def _determinants(self) -> np.ndarray:
         return dot(self.places[:, 0, :3], self._cofactors[:, 0])
 
+    def highest_m(self) -> float:
+        """A height that no vertex is above, the least of boxes around shapes where they stand; 0 without any."""
+        tops = [0.0] if not len(self.places) else []
+        for each in self.placed:
+            low, high = each.shape.vertices.min(axis=0), each.shape.vertices.max(axis=0)
+            rows = each.places[:, 2]
+            tops += (np.maximum(rows[:, :3] * low, rows[:, :3] * high).sum(axis=1) + rows[:, 3]).tolist()
+        return max(tops)
+
     @property
     def triangle_count(self) -> int:
         """Triangles in the world, those of a shape in each of its places."""

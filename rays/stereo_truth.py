@@ -86,7 +86,7 @@ def _trace_eye(stage: Stage, eye: Eye, other: Eye, baseline_m: float, near_m: fl
     shape = eye.rows, eye.columns
     truth = EyeTruth(np.empty(shape, np.float32), np.empty((*shape, 3), np.float32), np.empty(shape, np.uint8),
                      np.empty(shape, np.int64), np.empty(shape, bool))
-    for pixels in _tiles(eye.rows, eye.columns):
+    for pixels in squares(eye.rows, eye.columns):
         direction = eye.directions(pixels)
         seen = _see(stage, eye.position, direction, near_m, far_m)
         hidden = _find_hidden(stage.ground_tracer, eye, other, direction, seen.along, baseline_m, near_m)
@@ -97,8 +97,9 @@ def _trace_eye(stage: Stage, eye: Eye, other: Eye, baseline_m: float, near_m: fl
     return truth
 
 
-def _tiles(rows: int, columns: int) -> Iterator[np.ndarray]:
-    """Pixels, counted along rows, square by square, in parts; some of them twice at the borders."""
+def squares(rows: int, columns: int) -> Iterator[np.ndarray]:
+    """Pixels, counted along rows, in parts: square by square, so that rays in a row meet about the same. Some come
+    twice at the borders."""
     step = max(_TILE, _MOST_PIXELS // max(1, columns) // _TILE * _TILE)
     for first in range(0, rows, step):
         part = np.arange(first * columns, min(rows, first + step) * columns).reshape(-1, columns)

@@ -56,7 +56,7 @@ class Surface:
 
 
 def find_surface(world: World, hits: Hits, origin: np.ndarray, direction: np.ndarray) -> Surface:
-    """The surfaces that rays (n, 3) from ``origin`` (3,) have met.
+    """The surfaces that rays (n, 3) from ``origin``, (3,) or (n, 3), have met.
 
     Distances are found again from the planes of the triangles, to double precision; Embree's are good to 2.4e-7.
     """
@@ -67,7 +67,8 @@ def find_surface(world: World, hits: Hits, origin: np.ndarray, direction: np.nda
         normal, height = world.move_planes(number, place, triangle)
         toward = dot(normal, direction[rays])
         with np.errstate(divide="ignore", invalid="ignore"):
-            exact = (height - normal @ origin) / toward
+            before = normal @ origin if origin.ndim == 1 else dot(normal, origin[rays])
+            exact = (height - before) / toward
             near = np.abs(exact - hits.along[rays]) <= _GRAZING * hits.along[rays]
         found.along[rays] = np.where(near, exact, hits.along[rays])
         found.normal[rays] = normalize(normal) * np.where(toward > 0, -1.0, 1.0)[:, None]

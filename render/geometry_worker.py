@@ -34,7 +34,7 @@ from ..support.printer import emit
 from ..typed_settings import Settings
 from .ground_files import frame_facts, refuse_too_many, write_map, write_meshes
 from .ground_maps import make_ground_map
-from .mesh_arrays import read_corners, read_triangles, read_vertices
+from .mesh_arrays import is_rendered, read_corners, read_triangles, read_vertices
 from .moved_vertices import as_rendered, is_moved
 from .plans.planned_pair import PlannedPair
 from .scene_source import ScenesFromSettings
@@ -80,7 +80,7 @@ def _instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.t
     """Evaluated objects with a mesh of the site that a render shows."""
     for found in scene.view_layers[0].depsgraph.object_instances:
         item = found.object
-        if (found.show_self and item.type == "MESH" and len(item.data.polygons) and not item.original.hide_render
+        if (is_rendered(found) and item.type == "MESH" and len(item.data.polygons)
                 and _label(item.data) != PLANET and item.original.get("icymoon") not in ("planet", "rings", "stars")):
             yield item, found
 

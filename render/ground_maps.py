@@ -25,16 +25,21 @@ from ..nodes.lander.objects import ROLES as LANDER_ROLES
 from ..nodes.scene import Built
 from ..nodes.surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from ..nodes.surface.sun_inputs import prepare_for_cycles
+from ..rays.shapes import World
+from ..rays.stereo_truth import squares
+from ..rays.surface import Tracer, find_surface
 from ..support.foreign_bytes import OverBudgetError
 from . import cycles_settings, passes, separate_lights
 from .cycles_errors import first_line
 from .pairs.workspace_cells import MOST_CELLS, PLACES, Extent
+from .ray_stage import RaysOfScene
 from .render_camera import SAMPLE_OFFSET_PX
 
 #: Cells along the longer side if none are asked for.
 CELLS = 1024
 #: From the highest point to the camera, in metres.
 _ABOVE_M = 1.0
+_DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True)
@@ -74,25 +79,33 @@ def extent_of(built: Built, cell_m: float | None) -> Extent:
     return Extent(float(cell), rows, columns, float(middle_x - columns * cell / 2), float(middle_y + rows * cell / 2))
 
 
-def make_heights(built: Built, scene: bpy.types.Scene, folder: Path, extent: Extent) -> np.ndarray:
+def make_heights(rays: RaysOfScene, extent: Extent) -> np.ndarray:
     """Heights, float32 (2, rows, columns), of what lies on top and of the ground without rocks, in the site's frame.
 
     A height is the median of those at 3 x 3 places of its cell, as matchers' points are gridded by medians. What is not
-    of the ground, such as a lander, is left out. The scene's camera and passes are to be set up again afterwards.
-    Raises IcyMoonError where Cycles fails.
+    of the ground, such as a lander, is left out.
     """
     fine = replace(extent, cell_m=extent.cell_m / PLACES, rows=PLACES * extent.rows,
                    columns=PLACES * extent.columns)
-    top_m = _highest_m(scene) + _ABOVE_M
-    items = [item for item in built.collection.all_objects if item.type == "MESH"]
-    rocks = [item for item in items if item.get(TAG) == "rock"]
-    others = [item for item in items if item not in rocks and item != built.terrain]
-    with _look_down(scene, fine, top_m), _without_osl(scene, built), _hidden(others):
-        surface = _cell_medians(_heights(_render(scene, folder / "workspace"), top_m))
-        if not rocks:
-            return np.stack([surface, surface])
-        with _hidden(rocks):
-            return np.stack([surface, _cell_medians(_heights(_render(scene, folder / "workspace"), top_m))])
+    made = []
+    for rocks in (True, False):
+        with rays.ground(rocks) as (world, tracer):
+            made.append(_cell_medians(_find_heights(world, tracer, fine)))
+    return np.stack(made).astype(np.float32)
+
+
+def _find_heights(world: World, tracer: Tracer, extent: Extent) -> np.ndarray:
+    """Heights (rows, columns) of the highest of a world at the centres of cells, NaN where there is nothing."""
+    top_m = world.highest_m() + _ABOVE_M
+    heights = np.full(extent.rows * extent.columns, np.nan)
+    for cells in squares(extent.rows, extent.columns):
+        row, column = np.divmod(cells, extent.columns)
+        start = np.stack([extent.west_m + (column + 0.5) * extent.cell_m, extent.north_m - (row + 0.5) * extent.cell_m,
+                          np.full(len(cells), top_m)], axis=1)
+        down = np.broadcast_to(_DOWN, start.shape)
+        met = find_surface(world, tracer.intersect(start, down, 0.0, np.inf), start, down)
+        heights[cells] = np.where(np.isinf(met.along), np.nan, top_m - met.along)
+    return heights.reshape(extent.rows, extent.columns)
 
 
 def _cell_medians(height_m: np.ndarray) -> np.ndarray:

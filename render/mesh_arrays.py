@@ -1,9 +1,17 @@
-"""The arrays of a mesh. Its attributes are copied as a whole, where Blender's properties are asked facet by facet."""
+"""Which meshes renders show, and their arrays. Attributes are copied as a whole, where Blender's properties are asked
+facet by facet.
+"""
 
 from __future__ import annotations
 
 import bpy
 import numpy as np
+
+
+def is_rendered(found: bpy.types.DepsgraphObjectInstance) -> bool:
+    """Whether renders show an instance of an evaluated scene: neither it nor what it is an instance of is hidden."""
+    shown = [found.object, *([found.parent] if found.parent is not None else [])]
+    return bool(found.show_self) and not any(item.original.hide_render for item in shown)
 
 
 def read_vertices(mesh: bpy.types.Mesh) -> np.ndarray:

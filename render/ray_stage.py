@@ -7,7 +7,8 @@ refused with a reason; Cycles then renders the truth too.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any
 
 import bpy
@@ -18,16 +19,19 @@ from ..labels import INSTANCE_ATTRIBUTE
 from ..nodes.datablocks.fingerprint import TAG
 from ..nodes.light.celestial_meshes import TRANSMISSION
 from ..nodes.tree.evaluate_field import read_numbers
-from ..rays.engine import can_trace, open_tracer
+from ..rays.engine import open_tracer
 from ..rays.shapes import Placed, Shape, World
 from ..rays.stereo_truth import Stage
-from .mesh_arrays import read_corners, read_slots, read_smooth, read_triangles, read_vertices
+from ..rays.surface import Tracer
+from .mesh_arrays import is_rendered, read_corners, read_slots, read_smooth, read_triangles, read_vertices
 from .moved_vertices import is_moved, move_corners
+from .tree_tracer import TreeTracer
 from .unlit import is_opaque
 
 #: Objects without a surface.
 _NO_SURFACE = {"CAMERA", "LIGHT", "EMPTY", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
-_SKY = {"planet", "rings", "stars"}
+_SKY = ("planet", "rings", "stars")
+_GROUND, _ROCKS = ("terrain",), ("rock", "rock shape")
 
 
 class CannotTrace(Exception):  # noqa: N818  it is an answer, not a fault
@@ -41,7 +45,7 @@ class _Part:
     shape: Shape | None
     places: list[np.ndarray]
     numbers: list[int]
-    sky: bool
+    role: str
 
 
 class RaysOfScene:
@@ -53,48 +57,75 @@ class RaysOfScene:
         self._meshes: list[Any] = []
         self._standing: list[Any] = []
         self._parts: list[_Part] = []
+        self._refused: list[str] = []
         self._stage: Stage | None = None
 
     def prepare(self) -> Stage:
         """The stage as the scene is now. Raises CannotTrace, and MemoryError for trees that memory has no room for."""
+        self._look()
+        if self._refused:
+            raise CannotTrace(self._refused[0])
+        return self._open()
+
+    @contextmanager
+    def ground(self, rocks: bool) -> Iterator[tuple[World, Tracer]]:
+        """The ground of the site as the scene is now, with its rocks or without them, and what traces rays through it
+        while the context is open. Other objects are left out, whatever they are. Raises MemoryError as ``prepare``."""
+        self._look()
+        stage, roles = self._open(), _GROUND + (_ROCKS if rocks else ())
+        near = [part for part in self._parts if part.role not in _SKY]
+        world = World([placed if part.role in roles else Placed(placed.shape, placed.places[:0], placed.numbers[:0])
+                       for part, placed in zip(near, stage.ground.placed, strict=True)])
+        stage.ground_tracer.place(world)
+        try:
+            yield world, stage.ground_tracer
+        finally:
+            stage.ground_tracer.place(stage.ground)
+
+    def _look(self) -> None:
+        """Read what the scene shows now, as far as it has changed."""
         items = [item for item in self._scene.objects if item.type not in _NO_SURFACE]
         meshes = [(item.name_full, item.data.as_pointer(), item.hide_render) for item in items]
         standing = [tuple(map(tuple, item.matrix_world)) for item in items]
-        if self._stage is None or meshes != self._meshes:
-            self.close()
-            self._stage = self._build()
+        if meshes != self._meshes:
+            self._read()
         elif standing != self._standing:
-            self._stage = self._place(self._stage)
+            self._move()
         self._meshes, self._standing = meshes, standing
-        return self._stage
 
-    def _build(self) -> Stage:
-        folders = compat.library_folders()
-        if not can_trace(folders):
-            raise CannotTrace("there is no Embree here")
-        self._parts = _collect(self._scene, self._still_m)
-        ground, sky = self._worlds()
-        return Stage(ground, open_tracer(ground, folders), sky, open_tracer(sky, folders))
+    def _read(self) -> None:
+        self.close()
+        self._parts, self._refused = _collect(self._scene, self._still_m)
 
-    def _place(self, before: Stage) -> Stage:
+    def _move(self) -> None:
         """The same shapes in other places."""
-        found = list(_find(self._scene, read=False)[0].values())
+        made = _find(self._scene, read=False)
+        found, self._refused = list(made.parts.values()), made.refused
         if len(found) != len(self._parts):
-            self.close()
-            return self._build()
+            self._read()
+            return
         for part, now in zip(self._parts, found, strict=True):
             part.places, part.numbers = now.places, now.numbers
-        ground, sky = self._worlds()
-        before.ground_tracer.place(ground)
-        before.sky_tracer.place(sky)
-        return Stage(ground, before.ground_tracer, sky, before.sky_tracer)
+        if self._stage is not None:
+            ground, sky = self._worlds()
+            self._stage.ground_tracer.place(ground)
+            self._stage.sky_tracer.place(sky)
+            self._stage = Stage(ground, self._stage.ground_tracer, sky, self._stage.sky_tracer)
+
+    def _open(self) -> Stage:
+        """What has been read, with trees."""
+        if self._stage is None:
+            ground, sky = self._worlds()
+            tracers = [open_tracer(world, compat.library_folders(), TreeTracer) for world in (ground, sky)]
+            self._stage = Stage(ground, tracers[0], sky, tracers[1])
+        return self._stage
 
     def _worlds(self) -> tuple[World, World]:
         """What is near, and the sky."""
         made: tuple[list[Placed], list[Placed]] = [], []
         for part in self._parts:
             assert part.shape is not None
-            made[part.sky].append(Placed(part.shape, np.array(part.places), np.array(part.numbers, np.int64)))
+            made[part.role in _SKY].append(Placed(part.shape, np.array(part.places), np.array(part.numbers, np.int64)))
         return World(made[0]), World(made[1])
 
     def close(self) -> None:
@@ -106,62 +137,71 @@ class RaysOfScene:
 
 
 def _instances(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.Object, bpy.types.DepsgraphObjectInstance]]:
-    """What a render shows of a scene. Raises CannotTrace for what is not rendered as it is evaluated."""
+    """What a render shows of a scene."""
     layer = scene.view_layers[0]
     layer.update()
     for found in layer.depsgraph.object_instances:
         item = found.object
-        own = item.original
-        if not found.show_self or own.hide_render or item.type in _NO_SURFACE or own.get(TAG) == "stars":
-            continue
-        if item.type != "MESH":
-            raise CannotTrace(f"the object {own.name} is no mesh")
-        if not item.visible_camera or item.is_holdout or item.is_shadow_catcher:
-            raise CannotTrace(f"the camera does not see the object {own.name} as it stands there")
-        if len(item.data.polygons):
+        if (is_rendered(found) and item.type not in _NO_SURFACE and item.original.get(TAG) != "stars"
+                and (item.type != "MESH" or len(item.data.polygons))):
             yield item, found
 
 
-def _collect(scene: bpy.types.Scene, still_m: float) -> list[_Part]:
-    """The meshes of a scene with their triangles."""
-    parts, moved = _find(scene, read=True)
-    for key, (mesh, labels) in moved.items():
-        parts[key].shape = _read_moved(mesh, labels, parts[key].places[0], still_m)
-    return list(parts.values())
+def _collect(scene: bpy.types.Scene, still_m: float) -> tuple[list[_Part], list[str]]:
+    """The meshes of a scene with their triangles, and why others are refused."""
+    found = _find(scene, read=True)
+    for key, (mesh, labels) in found.moved.items():
+        found.parts[key].shape = _read_moved(mesh, labels, found.parts[key].places[0], still_m)
+    return list(found.parts.values()), found.refused
 
 
 _Key = tuple[int, tuple[int, ...]]
 
 
-def _find(scene: bpy.types.Scene, read: bool) -> tuple[dict[_Key, _Part],
-                                                       dict[_Key, tuple[bpy.types.Mesh, tuple[int, ...]]]]:
-    """The meshes of a scene with their places, and those that their materials move, with their labels.
+@dataclass
+class _Found:
+    """The meshes of a scene, those that their materials move, with their labels, and why other objects are refused."""
+
+    parts: dict[_Key, _Part] = field(default_factory=dict)
+    moved: dict[_Key, tuple[bpy.types.Mesh, tuple[int, ...]]] = field(default_factory=dict)
+    refused: list[str] = field(default_factory=list)
+
+
+def _find(scene: bpy.types.Scene, read: bool) -> _Found:
+    """The meshes of a scene with their places.
 
     Shapes are read if ``read``, but those of moved meshes, whose vertices are found in a scene of their own: then what
     is evaluated here is gone.
     """
-    parts: dict[_Key, _Part] = {}
-    moved: dict[_Key, tuple[bpy.types.Mesh, tuple[int, ...]]] = {}
+    made = _Found()
     points: dict[str, np.ndarray] = {}
     for item, found in _instances(scene):
+        try:
+            _check(item)
+            number = _number(item, found, points)
+        except CannotTrace as reason:
+            made.refused.append(str(reason))
+            continue
         labels = tuple(slot.material.pass_index if slot.material else 0 for slot in item.material_slots) or (0,)
         key = item.data.as_pointer(), labels
-        if key not in parts:
-            parts[key] = _Part(None, [], [], item.original.get(TAG) in _SKY)
-            if read:
-                _check(item)
-                if is_moved(item.data):
-                    moved[key] = item.original.data, labels
-                else:
-                    parts[key].shape = _read_shape(item.data, labels)
-        parts[key].places.append(np.array(found.matrix_world, np.float64))
-        parts[key].numbers.append(_number(item, found, points))
-    return parts, moved
+        if key not in made.parts:
+            made.parts[key] = _Part(None, [], [], item.original.get(TAG, ""))
+            if read and is_moved(item.data):
+                made.moved[key] = item.original.data, labels
+            elif read:
+                made.parts[key].shape = _read_shape(item.data, labels)
+        made.parts[key].places.append(np.array(found.matrix_world, np.float64))
+        made.parts[key].numbers.append(number)
+    return made
 
 
 def _check(item: bpy.types.Object) -> None:
-    """Raise CannotTrace if a render may show another mesh of an object, or lets rays pass it."""
+    """Raise CannotTrace if rays would not meet an object as it is rendered."""
     own = item.original
+    if item.type != "MESH":
+        raise CannotTrace(f"the object {own.name} is no mesh")
+    if not item.visible_camera or item.is_holdout or item.is_shadow_catcher:
+        raise CannotTrace(f"the camera does not see the object {own.name} as it stands there")
     if TAG in own:
         return
     for modifier in own.modifiers:

@@ -34,7 +34,7 @@ from ..physics.camera.blur import Blur, blur_of
 from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
 from ..rays.stereo_truth import Stage
 from ..support.foreign_bytes import OverBudgetError
-from ..typed_settings import Settings
+from ..typed_settings import Settings, WorkspaceSettings
 from . import cycles_settings, hidden_pixels, passes, separate_lights, unlit
 from .baked_light import Indirect
 from .cost.estimate import count_bytes_left, pixels_of
@@ -118,11 +118,11 @@ def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) ->
 
 
 def render_pair(built: Built, scene: bpy.types.Scene, planned: PlannedPair, dataset: Path, seconds_build: float,
-                report: Callable[[float], None], lost: Callable[[], bool], again: bool = False,
-                indirect: Indirect = _TRACED, rays: RaysOfScene | None = None) -> Path:
+                report: Callable[[float], None], lost: Callable[[], bool], rays: RaysOfScene, again: bool = False,
+                indirect: Indirect = _TRACED) -> Path:
     """Render one pair of the scene that ``open_render_scene`` made and return its folder.
 
-    ``rays`` find the truth; without them it is rendered. ``indirect`` is what ``baked_light.provide`` returned.
+    ``rays`` are those through that scene. ``indirect`` is what ``baked_light.provide`` returned.
     ``report`` receives the fraction done; for ``lost`` and ``again`` see ``publish``. Raises IcyMoonError when the
     render or the disk fails; nothing half-written stays.
     """
@@ -192,7 +192,7 @@ def _camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> list[
 
 
 def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: PlannedPair,
-                 report: Callable[[float], None], indirect: Indirect, rays: RaysOfScene | None) -> dict[str, Any]:
+                 report: Callable[[float], None], indirect: Indirect, rays: RaysOfScene) -> dict[str, Any]:
     settings = planned.settings
     camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
     takes = _camera_setups(camera, blur, _is_full(planned))
@@ -236,7 +236,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                             files.setdefault(name.format(eye), {})[layer] = file
         light = light_json(built, settings.light.directions_from)
         if settings.workspace.cell_m > 0:
-            _write_workspace(part / WORKSPACE_FILE, built, scene, settings)
+            _write_workspace(part / WORKSPACE_FILE, rays, settings.workspace)
     rendered = time.perf_counter() - start
     start = time.perf_counter()
     written: dict[str, dict[str, Any]] = {}
@@ -254,13 +254,13 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
         **({"truth": engine} if engine else {}), **lander_json(built, settings, poses, part)}
 
 
-def _choose_engine(rays: RaysOfScene | None, settings: Settings,
+def _choose_engine(rays: RaysOfScene, settings: Settings,
                    takes: list[_CameraSetup]) -> tuple[Stage | None, dict[str, str]]:
     """What rays of our own find the truth on, None if Cycles renders it; and what a pair states of it, nothing if it
     comes with the radiance."""
     if all(layer == BEAUTY for take in takes for layer, _ in take.images):
         return None, {}
-    if rays is None or settings.quality.truth_by == "CYCLES":
+    if settings.quality.truth_by == "CYCLES":
         return None, {"by": "Cycles"}
     try:
         stage = rays.prepare()
@@ -269,10 +269,9 @@ def _choose_engine(rays: RaysOfScene | None, settings: Settings,
     return stage, {"by": stage.ground_tracer.name}
 
 
-def _write_workspace(path: Path, built: Built, scene: bpy.types.Scene, settings: Settings) -> None:
-    """Write the true heights of the workspace, see ``WORKSPACE_FILE``; the camera is set up anew after."""
-    cycles_settings.apply(scene, settings.quality, 0)
-    heights = make_heights(built, scene, path.parent, workspace_extent(settings.workspace))
+def _write_workspace(path: Path, rays: RaysOfScene, workspace: WorkspaceSettings) -> None:
+    """Write the true heights of the workspace, see ``WORKSPACE_FILE``."""
+    heights = make_heights(rays, workspace_extent(workspace))
     with explain_disk_errors("write", path), path.open("wb") as stream:
         np.save(stream, heights, allow_pickle=False)
 

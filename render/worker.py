@@ -97,8 +97,9 @@ def _render_one(source: FixedScene | ScenesFromSettings, planned: PlannedPair, d
         check(planned.settings, f"Pair {planned.id}")  # an earlier version may have accepted more
         built, scene, seconds_build = source.prepare(planned)
         indirect = baked_light.provide(built, scene, planned, shared)
+        assert source.rays is not None
         render_pair(built, scene, planned, dataset, seconds_build, report,
-                    partial(shared.claims.is_lost, planned.id), again, indirect, source.rays)
+                    partial(shared.claims.is_lost, planned.id), source.rays, again, indirect)
         shared.note_pair(folder)
     send("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
          seconds=round(time.perf_counter() - start, 2))

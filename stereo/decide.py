@@ -49,7 +49,7 @@ from .measure.prepare import Prepared
 from .measure.result_row import depth_of
 from .measure_pair import search_ranges
 from .report.row_log import Row, RowLog
-from .sources import Source, check_response, find_sources
+from .sources import Source, check_response, find_sources, sort_by_ground
 
 Event = Callable[[dict[str, Any]], None]
 
@@ -106,7 +106,7 @@ def decide_pairs(paths: Sequence[Path], methods: Sequence[Method], out: Path, ru
     failed: list[dict[str, Any]] = []
     done, total = 0, len(sources) * len(labels)
     try:
-        for source in sources:
+        for source in sort_by_ground(sources):
             for row in _rows_of(source, run, log):
                 done += 1
                 if row["error"]:
@@ -117,6 +117,8 @@ def decide_pairs(paths: Sequence[Path], methods: Sequence[Method], out: Path, ru
     finally:
         stop_residents()
     log.compact((name, label) for name in names for label in labels)
+    place = {name: k for k, name in enumerate(names)}
+    failed.sort(key=lambda entry: place[entry["pair"]])
     facts = [found for name in names if (found := _read_facts(out, name)) is not None]
     rows = [log.read(name, label) for name in names for label in labels]
     provenance = {"source": ", ".join(str(path.resolve()) for path in paths), "seed": seed,

@@ -32,7 +32,7 @@ from .measuring_cluster import measure_on_cluster
 from .measuring_processes import Processes, choose_count
 from .report.results import ROW, find_facts, write_results
 from .report.row_log import Row, RowLog
-from .sources import Source, check_response, find_sources
+from .sources import Source, check_response, find_sources, sort_by_ground
 
 Event = Callable[[dict[str, Any]], None]
 
@@ -138,8 +138,9 @@ class Evaluation:
         self._setups = {method.label: method_inputs(method) for method in run.methods}
 
     def tasks(self) -> Iterator[Task]:
-        """The pairs of which something is missing, in their order; what is told of the others is told here."""
-        for name, source in self.sources.items():
+        """The pairs of which something is missing, see ``sort_by_ground``; what is told of the others is told here."""
+        for source in sort_by_ground([*self.sources.values()]):
+            name = source.name
             content = digest_of([*source.content(), self._run.response, MEASURE, version()])
             keys = {method.label: self._key(method, name, content) for method in self._run.methods}
             task = Task(name, content, keys, {

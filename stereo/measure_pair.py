@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,7 @@ def _measure(prepared: Prepared, run: Run, task: Task) -> Iterator[dict[str, Any
     disparities: dict[str, np.ndarray] = {}
     rows: dict[str, Row] = dict(task.rows)
     shared = np.where(prepared.visible, prepared.pair.camera.disparity(prepared.truth), np.nan)
-    ranges = search_ranges(prepared, shared)
+    ranges = cache(partial(search_ranges, prepared, shared))
     for method in run.methods:
         label = method.label
         stored = _read_stored(rows.get(label), prepared, run.out)
@@ -129,10 +130,11 @@ def search_ranges(prepared: Prepared, shared: np.ndarray) -> dict[str, SearchRan
 
 
 def _match(method: Method, prepared: Prepared,
-           ranges: Mapping[str, SearchRange]) -> tuple[np.ndarray, dict[str, Any]]:
+           ranges: Callable[[], Mapping[str, SearchRange]]) -> tuple[np.ndarray, dict[str, Any]]:
     if method.name == PREDICTION:
         return read_prediction(method, prepared)
-    disparity, _, info = match(method.name, prepared.left, prepared.right, method.options, prepared.pair.camera, ranges)
+    disparity, _, info = match(method.name, prepared.left, prepared.right, method.options, prepared.pair.camera,
+                               ranges())
     return disparity, info
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -10,7 +11,9 @@ from typing import Any, Protocol
 from ..errors import IcyMoonError
 from ..file_shapes import FILE_NAME
 from ..files import read_checksum
-from ..render.pairs.pair_folder import has_pairs
+from ..physics.camera.nearest_ground import name_ground
+from ..render.pairs.pair_folder import has_pairs, read_pair
+from ..settings.description import Restorer
 from .datasets.foreign_pair import ForeignPair
 from .datasets.layouts import KNOWN, FoundPair, find_foreign_pairs
 from .measure.prepare import Prepared, distinct_pairs, prepare
@@ -73,6 +76,18 @@ def find_sources(paths: Sequence[Path]) -> list[Source]:
             raise IcyMoonError(f"{same.folder} and {source.folder} have different pairs of the same name, "
                                f"{source.name}; give one of them at a time.")
     return found
+
+
+def sort_by_ground(sources: Sequence[Source]) -> list[Source]:
+    """The sources in an order in which pairs on the same ground follow each other, so that it is made once for their
+    search ranges. A pair that cannot be read is among the first."""
+    restore, grounds = Restorer(), {}
+    for source in sources:
+        grounds[source.name] = ""
+        if isinstance(source, RenderedPair):
+            with suppress(IcyMoonError):  # which is reported where its turn has come
+                grounds[source.name] = name_ground(read_pair(source.folder, restore).settings)
+    return sorted(sources, key=lambda source: grounds[source.name])
 
 
 def _find_foreign(path: Path) -> list[FoundPair]:

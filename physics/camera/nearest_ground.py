@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import astuple
 
 import numpy as np
 
 from ...errors import IcyMoonError
 from ...typed_settings import RigSettings, Settings
 from ..light.directions import camera_axes
+from ..rocks.beyond_patch import view_beyond
 from ..rocks.rocks import euler_matrices
 from ..terrain.sites import RockyGround, make_rocky_ground
 
@@ -24,10 +26,11 @@ _DIRECTIONS, _DISTANCES, _NEAREST, _FARTHEST = 49, 150, 0.05, 12.0
 #: Part of the camera's height within which nothing counts: the lens is in no rock, and such depths are no range.
 _LEAST_DEPTH = 0.05
 
-#: The ground that was made last, by what it was made of: pairs of one scene stand on the same.
+#: The ground that was made last, by its name: pairs of one scene stand on the same.
 _last: dict[str, RockyGround] = {}
-#: Topics of settings that the ground does not depend on.
-_NOT_GROUND = ("rig", "sensor", "light", "quality", "dataset")
+#: Topics of settings that the ground does not depend on, but for what ``name_ground`` adds.
+_NOT_GROUND = {"rig", "sensor", "light", "quality", "dataset", "surface", "rock_surface", "hapke", "textures", "lander",
+               "arm", "workspace", "excavation"}
 
 
 def greatest_disparity_px(settings: Settings, focal_px: float) -> float | None:
@@ -43,9 +46,17 @@ def greatest_disparity_px(settings: Settings, focal_px: float) -> float | None:
         return None
 
 
-def _ground(settings: Settings) -> RockyGround:
+def name_ground(settings: Settings) -> str:
+    """A text that is equal for settings that describe the same ground and rocks. Ground that follows another with the
+    same name is not made again."""
     made_of = {topic: values for topic, values in settings.items() if topic not in _NOT_GROUND}
-    name = json.dumps([made_of, settings.dataset.seed], sort_keys=True)
+    # Which rocks are drawn beyond the patch depends on the rig.
+    beyond = view_beyond(settings)
+    return json.dumps([made_of, settings.dataset.seed, beyond and astuple(beyond)], sort_keys=True)
+
+
+def _ground(settings: Settings) -> RockyGround:
+    name = name_ground(settings)
     if name not in _last:
         _last.clear()
         _last[name] = make_rocky_ground(settings)

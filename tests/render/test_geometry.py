@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.formats.ply import read_properties
-from icymoon.render.geometry_worker import mesh_triangles, run_job
-from rendering import SMALL, empty_scene
+from icymoon.nodes.scene import build
+from icymoon.render.geometry_worker import mesh_triangles, run_job, write_geometry
+from icymoon.render.render_pair import open_render_scene
+from rendering import SMALL, complete, empty_scene
 
 
 def read_mesh(path):
@@ -45,6 +47,15 @@ def test_ground_and_rocks_are_written_in_the_world(tmp_path):
     assert (facing > 0).mean() > 0.99
     assert np.abs(rocks[:, :2]).max() < 6.0
     assert rocks[:, 2].max() > ground[:, 2].min()
+
+
+def test_rocks_that_are_hidden_in_renders_are_not_written(tmp_path):
+    settings = complete({"terrain": {"resolution": 33, "size_m": 8.0}, "rocks": {"coverage": 0.1}})
+    built = build(empty_scene(), settings)
+    built.rocks.hide_render = True
+    with open_render_scene(built, 1) as scene:
+        facts = write_geometry(built, scene, tmp_path)
+    assert set(facts["meshes"]) == {"terrain"}
 
 
 def test_flat_faces_keep_their_normals_and_smooth_ones_share_vertices():

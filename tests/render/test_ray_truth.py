@@ -9,9 +9,10 @@ import bpy
 import numpy as np
 import pytest
 from icymoon import compat
+from icymoon.labels import FIRST_ROCK_INSTANCE
 from icymoon.nodes.scene import Built, build
 from icymoon.rays import engine
-from icymoon.render import moved_vertices, ray_stage
+from icymoon.render import moved_vertices
 from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
@@ -136,6 +137,15 @@ def test_objects_of_the_user_are_met_as_they_stand(tmp_path):
     assert len(np.unique(read_truth(ours.truth("left"), "left").instance)) >= 3
 
 
+def test_rocks_that_are_hidden_in_renders_are_not_met(tmp_path):
+    def change(built: Built) -> None:
+        assert built.rocks is not None
+        built.rocks.hide_render = True
+    (ours, cycles), = both(tmp_path, complete(WIDE, {"rocks": ROCKS}), change)
+    check_same(ours, cycles)
+    assert read_truth(ours.truth("left"), "left").instance.max() < FIRST_ROCK_INSTANCE
+
+
 def pane(built: Built) -> None:
     """A pane that lets half of the light pass."""
     material = bpy.data.materials.new("Pane")
@@ -165,10 +175,20 @@ def test_cycles_renders_the_truth_of_what_rays_would_not_meet_and_the_pair_state
     assert read_truth(pair.truth("left"), "left").hidden is not None
 
 
-def test_cycles_renders_the_truth_where_there_is_no_embree(tmp_path, monkeypatch):
-    monkeypatch.setattr(ray_stage, "can_trace", lambda folders: False)
-    pair, = shoot(tmp_path, complete({}))
-    assert pair.data["truth"] == {"by": "Cycles", "why": "there is no Embree here"}
+def test_blenders_trees_find_the_same_truth_where_there_is_no_embree(tmp_path, monkeypatch):
+    """Of rocks on ground that its material moves. Other pixels are those whose ray meets an edge to single precision,
+    1e-7 of a pixel wide."""
+    settings = complete(WIDE, {"rocks": ROCKS, "surface": {**ROUGH, "relief": "DISPLACEMENT"}})
+    ours, = shoot(tmp_path / "embree", settings)
+    monkeypatch.setattr(engine, "_library", lambda folders: None)
+    others, = shoot(tmp_path / "trees", settings)
+    assert [pair.data["truth"] for pair in (ours, others)] == [{"by": "Embree"}, {"by": "BVHTree"}]
+    for eye in EYES:
+        mine, other = (read_truth(pair.truth(eye), eye) for pair in (ours, others))
+        assert len(np.unique(mine.instance)) > 3
+        for one, two in ((mine.depth, other.depth), (mine.normal, other.normal), (mine.instance, other.instance),
+                         (mine.semantic, other.semantic), (mine.hidden, other.hidden)):
+            assert np.sum(np.abs(one.astype(float) - two) > 1e-6 * np.abs(two)) <= 2
 
 
 def test_truth_that_comes_with_the_light_needs_no_rays(tmp_path, monkeypatch):

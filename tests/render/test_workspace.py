@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+
+import bpy
 import numpy as np
 import pytest
+from icymoon.nodes.scene import build
+from icymoon.render.ground_maps import make_heights
 from icymoon.render.pairs.pair_folder import find_changed_files
+from icymoon.render.pairs.workspace_cells import workspace_extent
+from icymoon.render.ray_stage import CannotTrace, RaysOfScene
+from icymoon.render.render_pair import open_render_scene
 from icymoon.settings.description import digest
-from rendering import complete, render
+from rendering import complete, empty_scene, render
 
 #: Ground of a height map that no symmetry confuses.
 SIZE_M = 8.0
@@ -39,8 +47,8 @@ def test_the_heights_are_those_of_the_ground(plane, tmp_path):
     true = slope(east[None, :], y[:, None])
     assert heights.shape == (2, 20, 20)
     assert (west, north) == pytest.approx((-0.5, 2.0))
-    # A depth is of single precision at some metres, and the ray is half a bin of the pixel filter off its place.
-    assert np.abs(heights - true).max() < 1e-4
+    # The mesh and the file are of single precision, at some metres.
+    assert np.abs(heights - true).max() < 1e-6
     assert stated["file"] in pair.data["files"]
     assert not find_changed_files(pair)
 
@@ -53,6 +61,43 @@ def test_rocks_are_in_the_one_and_not_in_the_other(plane, tmp_path):
     assert 0.02 < (top - ground > 0.03).mean() < 0.9
     assert (top >= ground - 1e-4).all()
     assert not any(item.hide_render for item in built.collection.all_objects if item.type == "MESH")
+
+
+def add(built, data, z):
+    """An object of the user's over the workspace."""
+    item = bpy.data.objects.new("Own", data)
+    built.collection.objects.link(item)
+    item.location = (0.5, 1.0, z)
+    return item
+
+
+def some_quad():
+    mesh = bpy.data.meshes.new("Own")
+    mesh.from_pydata([(-2, -2, 0), (2, -2, 0), (2, 2, 0), (-2, 2, 0)], [], [(0, 1, 2, 3)])
+    return mesh
+
+
+def test_heights_are_of_ground_and_rocks_alone_and_rays_meet_the_rest_again_after(plane):
+    """A sheet of the user's lies above all of the workspace, and a wire that no ray could meet."""
+    settings = complete(plane, {"rocks": {"coverage": 0.3, "smallest_m": 0.3, "largest_m": 0.6}}, ON)
+    built = build(empty_scene(), settings)
+    add(built, some_quad(), 3.0)
+    extent = workspace_extent(settings.workspace)
+    east, north = extent.west_m + (np.arange(20) + 0.5) * 0.1, extent.north_m - (np.arange(20) + 0.5) * 0.1
+    eye, down = np.array([0.5, 1.0, 9.0]), np.array([[0.0, 0.0, -1.0]])
+    with open_render_scene(built, 1) as scene, closing(RaysOfScene(scene, np.inf)) as rays:
+        top, ground = make_heights(rays, extent)
+        stage = rays.prepare()
+        assert stage.ground_tracer.intersect(eye, down, 0.0, np.inf).along == pytest.approx(6.0)
+        add(built, bpy.data.curves.new("Own", "CURVE"), 4.0)
+        with pytest.raises(CannotTrace, match=r"the object Own.* is no mesh"):
+            rays.prepare()
+        again = make_heights(rays, extent)
+    assert np.abs(ground - slope(east[None, :], north[:, None])).max() < 1e-6
+    assert 0.02 < (top - ground > 0.03).mean() < 0.9
+    assert (top >= ground).all()
+    assert top.max() < 2.0
+    assert np.array_equal(again, [top, ground])
 
 
 def test_without_a_workspace_ids_are_as_before():

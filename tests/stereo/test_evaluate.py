@@ -12,6 +12,8 @@ import numpy as np
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
+from icymoon.physics.camera import nearest_ground
+from icymoon.settings.description import defaults, merged
 from icymoon.settings.shared_settings import with_shared
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.colours import INVALID_GREY, SKY_GREY, depth_scale, error_picture, with_bar
@@ -345,3 +347,35 @@ def test_other_arrays_and_facts_of_a_method_are_kept(tmp_path):
     # The program wrote f / 2 px, so the depth is 2 B everywhere.
     expected = np.abs(2 * rig.baseline_m - pairs.view(pairs.Scene(), rig, "left")[0]).mean()
     assert external["l1_m"] == pytest.approx(expected, rel=1e-3)
+
+
+def count_grounds(monkeypatch):
+    """The seeds of the grounds that are made for search ranges from now on."""
+    made, make = [], nearest_ground.make_rocky_ground
+    monkeypatch.setattr(nearest_ground, "_last", {})
+    monkeypatch.setattr(nearest_ground, "make_rocky_ground",
+                        lambda settings: (made.append(settings.dataset.seed), make(settings))[1])
+    return made
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_ground_that_pairs_share_is_made_once_whatever_their_names_are(tmp_path, monkeypatch):
+    for name, seed in zip("abcd", (7, 9, 7, 9), strict=True):
+        pairs.write_pair(tmp_path / "set" / "pairs" / name, rig=pairs.camera(64, 48),
+                         settings=merged(defaults(), {"dataset": {"seed": seed}}))
+    made = count_grounds(monkeypatch)
+    report = evaluate([tmp_path / "set"], parse_methods("bm,sgbm"), tmp_path / "out", jobs=1)
+    assert sorted(made) == [7, 9]
+    assert [row["pair"] for row in report["rows"]] == [*"aabbccdd"]
+    assert {row["search"]["source"] for row in report["rows"]} == {"settings"}
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_no_ground_is_made_for_predictions_which_search_no_range(tmp_path, monkeypatch):
+    pairs.write_pair(tmp_path / "set" / "pairs" / "a", rig=pairs.camera(64, 48))
+    (tmp_path / "mine").mkdir()
+    np.save(tmp_path / "mine" / "a.npy", np.full((48, 64), 5.0, np.float32))
+    made = count_grounds(monkeypatch)
+    report = evaluate([tmp_path / "set"], [], tmp_path / "out", predictions=[f"mine={tmp_path / 'mine'}"], jobs=1)
+    assert [row["status"] for row in report["rows"]] == ["ok"]
+    assert not made

@@ -1,16 +1,19 @@
 """Which disparities a rig can meet: against rays to level and to rough ground."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import ground_rays
 import numpy as np
 import pytest
-from icymoon.physics.camera.nearest_ground import greatest_disparity_px
+from icymoon.physics.camera import nearest_ground
+from icymoon.physics.camera.nearest_ground import greatest_disparity_px, name_ground
 from icymoon.physics.camera.search_range import disparity_range_px, flat_disparities_px
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_names
+from icymoon.settings.table import TOPICS
 
 RIGS = preset_names("rigs")
 LEVEL = SimpleNamespace(heights=lambda x, y: np.zeros(np.broadcast_shapes(np.shape(x), np.shape(y))))
@@ -37,6 +40,37 @@ def test_the_range_grows_with_relief_and_is_none_above_the_horizon():
     flat, high = (disparity_range_px(rig, relief)[1] for relief in (0.0, 0.5))
     assert high == pytest.approx(2 * flat)
     assert disparity_range_px(rig_of("rigs/guiss", pitch_deg=-60.0)) is None
+
+
+ROCKY: dict[str, dict[str, Any]] = {
+    "mesh": {"kind": "GRADED"}, "terrain": {"size_m": 6.0},
+    "rocks": {"coverage": 0.2, "smallest_m": 0.2, "largest_m": 0.8, "beyond_px": 8.0, "clear_radius_m": 0.0}}
+
+
+def test_the_rocks_beyond_the_patch_are_those_of_the_pairs_own_rig():
+    """A camera that stands higher sees fewer of them large, whatever pair comes before."""
+    low, high = (merged(defaults(), ROCKY, {"rig": {"height_m": height}}) for height in (1.0, 3.0))
+    found = {}
+    for order in ((low, high), (high, low)):
+        nearest_ground._last.clear()
+        found[order[0].rig.height_m] = [len(nearest_ground._ground(settings).rocks.reach_m) for settings in order]
+    assert found[1.0] == found[3.0][::-1]
+    assert len(set(found[1.0])) == 2
+
+
+@pytest.mark.parametrize("part", [{"surface": {"grain_amplitude_m": 0.01}}, {"light": {"body": "ENCELADUS"}},
+                                  {"rig": {"x_m": 1.5, "heading_deg": 40.0}}, {"dataset": {"headings": 3}}])
+def test_the_ground_is_the_same_under_another_light_surface_or_site(part):
+    settings = merged(defaults(), ROCKY)
+    assert name_ground(settings) == name_ground(merged(settings, part))
+
+
+def test_all_else_that_shapes_it_makes_another_ground():
+    """A setting that builds other ground has a topic that names it; the path of a scoop does not move rocks."""
+    settings = merged(defaults(), ROCKY)
+    assert name_ground(settings) != name_ground(merged(settings, {"dataset": {"seed": 5}}))
+    shaping = {topic.key for topic in TOPICS.values() for each in topic.settings if each.effect == "geometry"}
+    assert not (shaping - {"dataset", "excavation"}) & nearest_ground._NOT_GROUND
 
 
 @pytest.mark.heavy
