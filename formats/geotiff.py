@@ -19,7 +19,8 @@ import numpy as np
 from ..physics.mesh.height_map import NO_HEIGHT, clear_mark, clear_stated
 from ..support.foreign_bytes import ForeignBytes, parse_xml
 from ..support.foreign_bytes import read as read_foreign
-from . import gdal_lines
+from . import files_beside, gdal_lines
+from .files_beside import NO_SIZE
 from .map_projection import (
     KNOWN,
     PROJECTION_KEYS,
@@ -170,7 +171,11 @@ def read(path: Path, site: Site | None = None, missing: float | None = None) -> 
     ``missing`` is a value of the file, before scale and unit, that means none, beside those that it marks. Raises
     IcyMoonError with the fix where it cannot be read.
     """
-    return read_foreign(path, lambda foreign: _read(foreign, site, missing), KIND, FIX, MOST_BYTES)
+    found = read_foreign(path, lambda foreign: _read(foreign, site, missing), KIND, FIX, MOST_BYTES)
+    if found.unplaced != NO_SIZE:
+        return replace(found, warnings=(*found.warnings, *files_beside.doubt_notes(path)))
+    return replace(found, unplaced=files_beside.why_unplaced(path), warnings=(
+        *found.warnings, *files_beside.doubt_world_file(path), *files_beside.doubt_notes(path)))
 
 
 def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> GeoTiff:
@@ -195,7 +200,7 @@ def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> Ge
     if not in_unit and keys.get(1024, 0) != _GEOGRAPHIC:
         warnings += _doubt_metres(unit, foreign.name)
     if grid is None:
-        return GeoTiff(heights, None, None, "does not state the size of its pixels", report, tuple(warnings),
+        return GeoTiff(heights, None, None, NO_SIZE, report, tuple(warnings),
                        image.shape)
     (east, north), _ = grid
     heights = heights[::-1] if north > 0 else heights  # rows that go north
