@@ -139,8 +139,8 @@ def test_what_may_be_meant_is_told_and_not_refused():
 
 
 @pytest.mark.parametrize(("rig", "words"), [
-    ({"width_px": 320, "principal_x_px": 200.0}, "outside of the image: rig.principal_x_px puts it 200 px to the right, "
-                                                 "and rig.width_px is 320."),
+    ({"width_px": 320, "principal_x_px": 200.0}, "outside of the image: rig.principal_x_px puts it 200 px to the "
+                                                 "right, and rig.width_px is 320."),
     ({"width_px": 320, "principal_x_px": -81.0}, "far from the middle of the image: rig.principal_x_px puts it -81"),
     ({"height_px": 240, "principal_y_px": 121.0}, "outside of the image: rig.principal_y_px puts it 121 px down, and "
                                                   "rig.height_px is 240."),
