@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ..number_text import show_place
 from ..physics.mesh.height_map import NO_HEIGHT, clear_mark, clear_stated
 from ..support.foreign_bytes import ForeignBytes, parse_xml
 from ..support.foreign_bytes import read as read_foreign
@@ -243,7 +244,7 @@ def _place(shape: tuple[int, int], step: tuple[float, float], corner: tuple[floa
     report: list[str] = []
     warnings: list[str] = []
     if map_of.system is not None and place.scale != (1.0, 1.0):
-        where = f"{place.latitude_deg:.4f}° north, {place.longitude_deg:.4f}° east"
+        where = show_place(place.latitude_deg, place.longitude_deg, ".4f")
         report.append(f"Map ({map_of.system.name}) at {where}: a metre of it is {place.scale[0]:.6g} m of ground along "
                       f"x, {place.scale[1]:.6g} m along y")
     if abs(place.north_deg) > _TURNED_DEG:
