@@ -123,6 +123,12 @@ def _read_ros_eyes(left: Path, right: Path) -> tuple[_Eye, _Eye, list[str]]:
         notes.append(f"The binning and the roi of the calibration are applied: images have {of_left.width_px} x "
                      f"{of_left.height_px} px.")
     first, second = (_ros_eye(path, camera, reason is not None) for path, camera in cameras)
+    if reason is not None and max(abs(first.lens.focal_px - second.lens.focal_px),
+                                  abs(first.lens.cy_px - second.lens.cy_px)) > _ALIKE_PX:
+        raise IcyMoonError(f"{left} and {right}: {reason}, and the images that projection_matrix states are no "
+                           f"rectified pair: focal lengths of {first.lens.focal_px:.2f} and "
+                           f"{second.lens.focal_px:.2f} px, rows of the principal point {first.lens.cy_px:.2f} and "
+                           f"{second.lens.cy_px:.2f} px; calibrate both eyes as a stereo pair.")
     if not np.linalg.norm(second.centre_m - first.centre_m) > 0:
         raise IcyMoonError(f"{right}: projection_matrix states no baseline (-f B, its fourth number); calibrate both "
                            "eyes as a stereo pair.")
@@ -139,6 +145,8 @@ def _why_rectified(left: RosCamera, right: RosCamera) -> str | None:
             return f"pixels of camera_matrix are no squares ({_focal_lengths(camera.matrix)})"
         if camera.k is None:
             return f"the lens model is {camera.model}"
+    if differ := _tell_unlike(_lens_of_ros(left, False), _lens_of_ros(right, False), left.width_px):
+        return f"the lenses of camera_matrix differ by {differ}"
     turned = _angle(left.rectification, right.rectification)
     if turned > _PARALLEL_RAD:
         return f"the eyes are turned against each other by {np.degrees(turned):.3g} degrees"
@@ -162,11 +170,16 @@ def _ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
                "bin as many pixels along x as along y, and set binning_x and binning_y to that")
         raise IcyMoonError(f"{path}: its pixels are no squares, in projection_matrix too "
                            f"({_focal_lengths(camera.projection)}), which Icy Moon's cameras cannot be; {fix}.")
-    matrix = camera.projection if rectified else camera.matrix
-    k = None if rectified else camera.k
-    lens = Lens((matrix[0, 0] + matrix[1, 1]) / 2, matrix[0, 2], matrix[1, 2], k or (0.0,) * len(COEFFICIENTS), 0.0)
+    lens = _lens_of_ros(camera, rectified)
     return _Eye(path, lens, np.eye(3) if rectified else camera.rectification.T, _place(camera),
                 (camera.width_px, camera.height_px))
+
+
+def _lens_of_ros(camera: RosCamera, rectified: bool) -> Lens:
+    """The lens of a camera as it is, or of its rectified images; without distortion where that is no plumb_bob."""
+    matrix = camera.projection if rectified else camera.matrix
+    k = None if rectified else camera.k
+    return Lens((matrix[0, 0] + matrix[1, 1]) / 2, matrix[0, 2], matrix[1, 2], k or (0.0,) * len(COEFFICIENTS), 0.0)
 
 
 def _angle(first: np.ndarray, second: np.ndarray) -> float:
@@ -201,13 +214,10 @@ def _mean_lens(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens
 
     Raises IcyMoonError if they differ so much that their mean is no lens of either.
     """
-    centre = float(np.abs([left.cx_px - right.cx_px, left.cy_px - right.cy_px]).max())
-    focal = abs(left.focal_px - right.focal_px)
-    bent = float(np.abs(np.subtract(left.k, right.k)).max() * left.focal_px)
-    if focal > _MOST_FOCAL * left.focal_px or centre > _MOST_CENTRE * width_px or bent > _MOST_FOCAL * left.focal_px:
-        raise IcyMoonError(f"{where} differ by {focal:.3g} px in focal length, {centre:.3g} px in principal point and "
-                           f"{bent:.3g} px in distortion, and both eyes of a rig here have one lens; rectify their "
+    if differ := _tell_unlike(left, right, width_px):
+        raise IcyMoonError(f"{where} differ by {differ}, and both eyes of a rig here have one lens; rectify their "
                            "images first.")
+    focal, centre, bent = _differences(left, right)
     if max(focal, centre, bent) <= _ALIKE_PX:
         return left if left.residual_px >= right.residual_px else right, []
     mean = Lens((left.focal_px + right.focal_px) / 2, (left.cx_px + right.cx_px) / 2, (left.cy_px + right.cy_px) / 2,
@@ -215,6 +225,21 @@ def _mean_lens(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens
     return mean, [f"Both eyes have the mean of two lenses: focal lengths of {left.focal_px:.2f} and "
                   f"{right.focal_px:.2f} px, principal points at ({left.cx_px:.2f}, {left.cy_px:.2f}) and "
                   f"({right.cx_px:.2f}, {right.cy_px:.2f}) px, distortion that differs by up to {bent:.2g} px."]
+
+
+def _differences(left: Lens, right: Lens) -> tuple[float, float, float]:
+    """By how many px two lenses differ in focal length, principal point and distortion."""
+    return (abs(left.focal_px - right.focal_px),
+            float(np.abs([left.cx_px - right.cx_px, left.cy_px - right.cy_px]).max()),
+            float(np.abs(np.subtract(left.k, right.k)).max() * left.focal_px))
+
+
+def _tell_unlike(left: Lens, right: Lens, width_px: int) -> str:
+    """By what two lenses differ, if that is too much for one lens to stand for both; else nothing."""
+    focal, centre, bent = _differences(left, right)
+    if max(focal, bent) <= _MOST_FOCAL * left.focal_px and centre <= _MOST_CENTRE * width_px:
+        return ""
+    return f"{focal:.3g} px in focal length, {centre:.3g} px in principal point and {bent:.3g} px in distortion"
 
 
 def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:

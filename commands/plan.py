@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ..physics.camera.stereo_geometry import centre_advice
 from ..render.cost.abilities import find_lack, needs_full_build
 from ..render.cost.estimate import estimate
 from ..render.cost.speed import recall_speed
@@ -20,6 +21,9 @@ from ..settings.preset_files import plan_names
 from ..settings.table import all_settings
 from ..support.printer import emit, say, warn
 from ..terminal import as_path, show_count
+
+#: How many sentences on principal points are printed: one for each image size that a plan varies.
+_MOST_ADVICE = 2
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -107,7 +111,10 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
     lack = _check_blender(pairs, options)
     unchecked = plan.describe_unchecked()
     told = [line for line in (plan.describe_splits(), plan.describe_draws()) if line]
-    lines = [*lack, *found.lines(), *told, *plan.describe_stand_ins(), *_refusal_lines(plan)]
+    # One image size mostly, so the same sentence of most pairs.
+    centred = dict.fromkeys(said for pair in pairs for said in centre_advice(pair.settings.rig))
+    lines = [*lack, *found.lines(), *told, *plan.describe_stand_ins(), *list(centred)[:_MOST_ADVICE],
+             *_refusal_lines(plan)]
     if options.json:
         emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.to_json() | {"lines": lines})
         return

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
+from ..number_text import show_place
 from ..physics.light.ephemeris import date_text, parse_date
 from ..physics.light.scene_sun import described_by
 from ..physics.light.sky import check_body, sky, sky_facts
@@ -64,7 +65,7 @@ def _run_sky(options: argparse.Namespace) -> int:
         rows.append(_row(date.replace("T", " ").removesuffix(":00") if dated else "by angles", facts))
     if not options.json:
         print_table(_COLUMNS, rows, narrowest=_WIDTH)
-        where = f"{light.body.title()}, {light.latitude_deg:g}° N, {light.longitude_deg:g}° E, by " + (
+        where = f"{light.body.title()}, {show_place(light.latitude_deg, light.longitude_deg)}, by " + (
             "SPICE kernels. " if light.directions_from == "KERNELS" else "mean orbits. ") if dated else ""
         say(f"{where}W/m² are on a surface that faces the light, and on level ground. Hidden is the share of the Sun's "
             "disc behind the planet; its W/m² are without that share, and 0 by night.")

@@ -14,13 +14,14 @@ Value = bool | int | float | str
 
 @dataclass(frozen=True)
 class Image:
-    """An image (H, W) or a cube (H, W, planes), float, with its ``name``, its ``unit`` and further ``cards``, each a
-    value and a comment by a key of at most 8 letters and digits."""
+    """An image (H, W) or a cube (H, W, planes), float, with its ``name``, its ``unit``, a ``comment`` on what its
+    numbers mean, and further ``cards``, each a value and a comment by a key of at most 8 letters and digits."""
 
     name: str
     pixels: np.ndarray
     unit: str = ""
     cards: Mapping[str, tuple[Value, str]] = field(default_factory=dict)
+    comment: str = ""
 
 
 def encode_fits(images: Sequence[Image]) -> bytes:
@@ -44,7 +45,7 @@ def _encode(image: Image, first: bool, extended: bool) -> bytes:
         cards += [_card("PCOUNT", 0, ""), _card("GCOUNT", 1, "")]
     elif extended:
         cards.append(_card("EXTEND", True, ""))
-    cards.append(_card("EXTNAME", image.name, ""))
+    cards.append(_card("EXTNAME", image.name, image.comment))
     if image.unit:
         cards.append(_card("BUNIT", image.unit, ""))
     cards += [_card(key, value, comment) for key, (value, comment) in image.cards.items()]

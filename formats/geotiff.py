@@ -16,10 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from ..number_text import show_place
 from ..physics.mesh.height_map import NO_HEIGHT, clear_mark, clear_stated
 from ..support.foreign_bytes import ForeignBytes, parse_xml
 from ..support.foreign_bytes import read as read_foreign
-from . import gdal_lines
+from . import files_beside, gdal_lines
+from .files_beside import NO_SIZE
 from .map_projection import (
     KNOWN,
     PROJECTION_KEYS,
@@ -170,7 +172,11 @@ def read(path: Path, site: Site | None = None, missing: float | None = None) -> 
     ``missing`` is a value of the file, before scale and unit, that means none, beside those that it marks. Raises
     IcyMoonError with the fix where it cannot be read.
     """
-    return read_foreign(path, lambda foreign: _read(foreign, site, missing), KIND, FIX, MOST_BYTES)
+    found = read_foreign(path, lambda foreign: _read(foreign, site, missing), KIND, FIX, MOST_BYTES)
+    if found.unplaced != NO_SIZE:
+        return replace(found, warnings=(*found.warnings, *files_beside.doubt_notes(path)))
+    return replace(found, unplaced=files_beside.why_unplaced(path), warnings=(
+        *found.warnings, *files_beside.doubt_world_file(path), *files_beside.doubt_notes(path)))
 
 
 def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> GeoTiff:
@@ -195,7 +201,7 @@ def _read(foreign: ForeignBytes, site: Site | None, missing: float | None) -> Ge
     if not in_unit and keys.get(1024, 0) != _GEOGRAPHIC:
         warnings += _doubt_metres(unit, foreign.name)
     if grid is None:
-        return GeoTiff(heights, None, None, "does not state the size of its pixels", report, tuple(warnings),
+        return GeoTiff(heights, None, None, NO_SIZE, report, tuple(warnings),
                        image.shape)
     (east, north), _ = grid
     heights = heights[::-1] if north > 0 else heights  # rows that go north
@@ -238,7 +244,7 @@ def _place(shape: tuple[int, int], step: tuple[float, float], corner: tuple[floa
     report: list[str] = []
     warnings: list[str] = []
     if map_of.system is not None and place.scale != (1.0, 1.0):
-        where = f"{place.latitude_deg:.4f}° north, {place.longitude_deg:.4f}° east"
+        where = show_place(place.latitude_deg, place.longitude_deg, ".4f")
         report.append(f"Map ({map_of.system.name}) at {where}: a metre of it is {place.scale[0]:.6g} m of ground along "
                       f"x, {place.scale[1]:.6g} m along y")
     if abs(place.north_deg) > _TURNED_DEG:

@@ -18,6 +18,7 @@ from ..number_text import show_rounded
 from ..physics.camera.blur import blur_advice, blur_of, confusion_px, motion_px
 from ..physics.camera.lens_distortion import coefficients, overscan_needed
 from ..physics.camera.stereo_geometry import GroundRow, depth_error_m, ground_row, shared_width_px
+from ..physics.light.scene_sun import described_by
 from ..physics.light.sky import sky, sky_facts
 from ..physics.rig.focal_length import focal_px
 from ..physics.scene_requirements import find_left_out
@@ -187,9 +188,8 @@ def brightness_wm2(light: LightSettings, slope_deg: float = 0.0) -> float:
     except IcyMoonError:
         return 0.0
     sun, planet = found["sun"], found["planet"] or {}
-    up = sun["elevation_deg"] > -1
     height_deg = min(90.0, max(sun["elevation_deg"], 0.0) + slope_deg)
-    slope = max(0.02, math.sin(math.radians(height_deg))) * sun["irradiance_wm2"] * (1 - sun["eclipse"]) * up
+    slope = max(0.02, math.sin(math.radians(height_deg))) * sun["irradiance_wm2"]
     return float(max(slope, sun["ground_irradiance_wm2"]) + planet.get("ground_irradiance_wm2", 0.0))
 
 
@@ -204,7 +204,10 @@ def planetshine_wm2(light: LightSettings) -> float:
 
 @lru_cache(maxsize=8)
 def _facts(light: tuple[tuple[str, Any], ...], blend: str) -> dict[str, Any]:
-    return sky_facts(sky(LightSettings(light), str(Path(blend).parent) if blend else None))
+    """The facts of the sky, with the Sun as it lights the scene."""
+    described = LightSettings(light)
+    found = sky_facts(sky(described, str(Path(blend).parent) if blend else None))
+    return {**found, "sun": described_by(found["sun"], described.directions_from).to_json()}
 
 
 def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...]:

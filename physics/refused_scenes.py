@@ -20,7 +20,7 @@ from .arm.collisions import find_link_around
 from .arm.kinematics import Joint, beyond_limits
 from .arm.lander_arm import arm_of, is_own, joint_values
 from .arm.parametric import JOINTS
-from .camera.stereo_geometry import coarse_advice, ground_row
+from .camera.stereo_geometry import centre_advice, coarse_advice, ground_row
 from .excavation import reach
 from .excavation import site as excavation
 from .light.directions import camera_axes
@@ -85,7 +85,7 @@ def reasons_of_settings(settings: Settings) -> list[Reason]:
 def scene_advice(settings: Settings) -> list[str]:
     """Sentences about a scene that is rendered although something may not be what the user expects."""
     rig, patch = settings.rig, settings.terrain
-    said = []
+    said = centre_advice(rig)
     if not math.isfinite(ground_row(rig, float(rig.height_px)).depth_m):
         said.append("The whole image is above the horizon and shows only sky where the ground is level; raise "
                     f"rig.pitch_deg ({rig.pitch_deg:g}°).")

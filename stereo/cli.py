@@ -245,8 +245,8 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
         raise IcyMoonError(f"--jobs is {parsed.jobs}; give 1 or more.")
     if parsed.follow:
         if len(parsed.path) > 1 or parsed.predictions or parsed.dask or (parsed.jobs or 1) > 1:
-            raise IcyMoonError("--follow takes one data set, and neither --predictions nor several processes; leave "
-                               "these out.")
+            raise IcyMoonError("--follow measures one data set in one process, without --predictions; give one folder "
+                               "and leave --predictions, --dask and --jobs out.")
         follow_until_input_ends(parsed.path[0], methods, parsed.out, response, parsed.points)
         return 0
     progress = nullcontext(printer.emit_json) if parsed.json_lines else show_counted_progress("Evaluating")

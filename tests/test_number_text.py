@@ -8,7 +8,7 @@ import re
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.number_text import count_of, show_rounded
+from icymoon.number_text import count_of, show_place, show_rounded
 from sources import IDS, SOURCES, tree_of
 
 #: Where a count of pairs, scenes or methods is two or more whenever it is printed.
@@ -48,3 +48,9 @@ def test_what_is_counted_is_singular_where_it_is_one():
             if isinstance(part, ast.FormattedValue) and isinstance(after, ast.Constant)
             and plural.match(str(after.value))}
     assert bare == SEVERAL
+
+
+@pytest.mark.parametrize(("place", "text"), [
+    ((-80.0, 29.0), "80° S, 29° E"), ((10.0, 331.0), "10° N, 331° E"), ((0.0, -0.5), "0° N, 0.5° W")])
+def test_a_place_has_no_negative_numbers(place, text):
+    assert show_place(*place) == text

@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...formats import gdal_lines, geotiff
+from ...formats import files_beside, gdal_lines, geotiff
 from ...formats.exr_layout import KIND as EXR
 from ...formats.exr_layout import read_layout
 from ...formats.geotiff import MapPlace, Site
@@ -49,7 +49,7 @@ class Heights:
     values: np.ndarray
     pixel_m: tuple[float, float] | None = None
     corner_m: tuple[float, float] | None = None
-    unplaced: str = "does not state the size of its pixels"
+    unplaced: str = files_beside.NO_SIZE
     report: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     file_shape: tuple[int, int] | None = None
@@ -117,7 +117,8 @@ def _read_png(path: Path, start: bytes) -> Heights:
         return head.bits
 
     highest = 2**read(path, parse, "a whole PNG file", "copy it again") - 1
-    return Heights(np.rint(_load_pixels(path).astype(np.float64) * highest))
+    return Heights(np.rint(_load_pixels(path).astype(np.float64) * highest), unplaced=files_beside.why_unplaced(path),
+                   warnings=(*files_beside.doubt_world_file(path), *files_beside.doubt_notes(path)))
 
 
 def _read_exr(path: Path, start: bytes) -> Heights:

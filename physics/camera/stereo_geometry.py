@@ -19,6 +19,8 @@ from ..rig.focal_length import focal_px
 _WIDEST, _OFF = 1000.0, 0.9e-7
 #: Rounding of coordinates, in pixels, that is told: a tenth of what stereo matchers measure.
 _ROUNDED_PX = 0.05
+#: Share of an image's size by which a principal point that is meant is off its middle at most; real ones by 0.05.
+_FAR_FROM_MIDDLE = 0.25
 
 
 def rounding_m(*coordinates_m: float) -> float:
@@ -44,6 +46,22 @@ def rounding_advice(rig: RigSettings, ground_m: float) -> list[str]:
     return [f"The camera stands so far from the origin that ground and eyes are rounded to {step:.2g} m, up to "
             f"{show_rounded(pixels)} px; stand nearer to it (rig.x_m, rig.y_m), or move your own ground "
             "(source.centre, source.origin_x_m)."]
+
+
+def centre_advice(rig: RigSettings) -> list[str]:
+    """Sentences about a principal point far from the middle of the image; none if it is not.
+
+    It is in pixels, so it stays where it was when the size of the image is changed.
+    """
+    said = []
+    for key, size_key, way in (("principal_x_px", "width_px", "to the right"), ("principal_y_px", "height_px", "down")):
+        offset, size = float(rig[key]), int(rig[size_key])
+        if abs(offset) > _FAR_FROM_MIDDLE * size:
+            where = "outside of the image" if abs(offset) > size / 2 else "far from the middle of the image"
+            said.append(f"The principal point is {where}: rig.{key} puts it {offset:g} px {way}, and "
+                        f"rig.{size_key} is {size}. It does not follow the size of the image; if that was changed, "
+                        f"change rig.{key} by the same factor.")
+    return said
 
 
 def coarse_advice(rig: RigSettings, edge_m: float) -> list[str]:

@@ -30,6 +30,8 @@ _DIGITS = 1e-6
 #: Relative to what Blender stores in single precision: a baseline, a lamp's brightness, and sines, since it takes a
 #: matrix apart into angles. A heading that is one of several turns has six digits, which is 9e-6.
 _SINGLE = 2e-5
+#: By how much a noise may be rounded, as a share of the light.
+_NOISE_DIGITS = 1e-5
 #: Metres by which an eye may be off for each metre from the origin, since turns go through matrices of both.
 _PLACE = 1e-6
 
@@ -49,6 +51,7 @@ def find_contradictions(data: Mapping[str, Any], settings: Settings, camera: Map
     yield from _compare_light(data.get("light") or {}, settings, by_hand)
     indirect = data.get("indirect")
     is_baked = isinstance(indirect, Mapping) and indirect.get("method") == "BAKED"
+    yield from _compare_indirect(indirect, data.get("light") or {}, settings)
     yield from _compare("", data, {
         "device": settings.quality.device, "denoiser": "NONE" if is_baked else settings.quality.denoiser,
         "workspace": describe_workspace(settings.workspace), **_describe_blur(settings)})
@@ -112,6 +115,26 @@ def _compare_light(light: Mapping[str, Any], settings: Settings, by_hand: bool) 
     if facts:
         yield from _compare("light", light, {"j2000_to_world": facts["j2000_to_world"]})
         yield from _compare_planet(light.get("planet"), facts["planet"])
+
+
+def _compare_indirect(stated: Any, light: Mapping[str, Any], settings: Settings) -> Iterator[str]:
+    """Contradictions in how indirect light was made: with what was asked, with its noise and with what shines."""
+    asked = settings.quality.indirect == "BAKED"
+    if asked != isinstance(stated, Mapping):
+        yield _contradict("indirect", stated, {} if asked else None)
+        return
+    if not asked or stated.get("method") != "BAKED":  # it may be traced although it was to be baked
+        return
+    noise, most = stated.get("noise"), settings.quality.bake_noise
+    if not NUMBER.fits(noise) or 0 < most < noise - _NOISE_DIGITS:
+        yield f"indirect.noise is {_show(noise)}, and its settings give at most {_show(most)}"
+    sun, lights = from_json(light), stated.get("lights")
+    if sun is None or not isinstance(lights, Mapping):
+        return
+    planet = {"Planet"} & lights.keys() if light.get("planet") else set()
+    wanted = sorted(planet | ({"Sun"} if sun.irradiance_wm2 > 0 or not planet else set()))
+    if sorted(lights) != wanted:
+        yield _contradict("indirect.lights", sorted(lights), wanted)
 
 
 def _describe_sky(settings: Settings) -> dict[str, Any]:

@@ -70,13 +70,14 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
         lacking = [pair for pair in known.pairs if pair.id not in there]
         if lacking and known.text == text and known.version != version():
             return replace(known, note=f"{dataset} continues as Icy Moon {known.version} planned it. {version()} makes "
-                                       f"other pairs of the same plan: {_describe_difference(lacking[0], pairs)}. "
+                                       f"other pairs of the same plan: {_describe_difference(known.pairs, pairs)}. "
                                        "To render those, choose another folder.")
         if lacking:
-            raise IcyMoonError(f"{dataset} contains another data set: this plan lacks {len(lacking)} of its "
-                               f"{count_of(len(known.pairs), 'pair')}: {_describe_difference(lacking[0], pairs)}. "
-                               "To continue that data set, use icymoon work. For this plan choose another folder, or "
-                               "let it extend that plan.")
+            raise IcyMoonError(f"{dataset} contains another data set: {len(lacking)} of its "
+                               f"{count_of(len(known.pairs), 'pair')} {'is' if len(lacking) == 1 else 'are'} not in "
+                               f"this plan, since {_describe_difference(known.pairs, pairs)}. To continue that data "
+                               "set, use icymoon work. For this plan choose another folder, or let it have those "
+                               "pairs too.")
         if [p.id for p in known.pairs] == [p.id for p in pairs] and known.text == text:
             return known
     base = pairs[0].settings
@@ -88,21 +89,45 @@ def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> Froze
     return read_frozen_plan(dataset)
 
 
-def _describe_difference(pair: PlannedPair, pairs: Sequence[PlannedPair]) -> str:
-    """The settings in which a pair differs from the most similar of others, in words."""
+def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPair]) -> str:
+    """By which settings some ``known`` pairs are not among the others, in words."""
     names = [(topic, s.key) for topic, s in all_settings() if counts(s)]
+    before, now = ({name: {_value(name, pair): pair.settings[name[0]][name[1]] for pair in plan} for name in names}
+                   for plan in (known, pairs))
+    texts = [_describe_change(".".join(name), before[name], now[name]) for name in names
+             if before[name].keys() - now[name].keys()]
+    if texts:
+        return _join(texts)
+    # Each value is there, but not together with the others.
+    varied = [name for name in names if len(before[name]) > 1]
+    there = {tuple(_value(name, pair) for name in varied) for pair in pairs}
+    lost = next((pair for pair in known if tuple(_value(name, pair) for name in varied) not in there), None)
+    if lost is None:
+        return "a file of yours has another content"
+    return f"no pair has together {_join([f'{a}.{b} {quote(lost.settings[a][b])}' for a, b in varied])}"
 
-    def differing(other: PlannedPair) -> list[tuple[str, str]]:
-        return [(topic, key) for topic, key in names if value_in_id(f"{topic}.{key}", other.settings)
-                != value_in_id(f"{topic}.{key}", pair.settings)]
 
-    nearest = min(pairs, key=lambda other: len(differing(other)))
-    found = differing(nearest)
-    texts = [f"{topic}.{key} was {quote(pair.settings[topic][key])} and is {quote(nearest.settings[topic][key])}"
-            for topic, key in found[:_MOST_NAMED]]
-    if len(found) > _MOST_NAMED:
-        texts.append(count_of(len(found) - _MOST_NAMED, "more setting"))
-    return f"for pair {pair.id} {', '.join(texts) or 'a file of yours has another content'}"
+def _value(name: tuple[str, str], pair: PlannedPair) -> str:
+    """What the id of a pair has of a setting, to be compared."""
+    return repr(value_in_id(".".join(name), pair.settings))
+
+
+def _describe_change(name: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """What a setting took and takes, in words; the values are by what ids have of them."""
+    lost, new = ([each[key] for key in each if key not in other] for each, other in ((before, now), (now, before)))
+    if len(before) == 1 == len(now):
+        return f"{name} was {quote(lost[0])} and is {quote(new[0])}"
+    return f"{name} no longer takes {_list_values(lost)}" + (f", but {_list_values(new)}" if new else "")
+
+
+def _list_values(values: Sequence[Any]) -> str:
+    more = len(values) - 1
+    return quote(values[0]) + (f" and {count_of(more, 'more value')}" if more else "")
+
+
+def _join(texts: Sequence[str]) -> str:
+    more = len(texts) - _MOST_NAMED
+    return ", ".join([*texts[:_MOST_NAMED], *([count_of(more, "more setting")] if more > 0 else [])])
 
 
 def read_frozen_plan(dataset: Path) -> FrozenPlan:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...render.pairs.pair_folder import StereoCamera
-from ..measure.fit_check import KINDS, Fault, Places, find_fault, known_places
+from ..measure.fit_check import KINDS, Fault, Places, find_fault, find_misfit, known_places
 from ..measure.metrics import usable
 from .data_files import MapFile
 
@@ -59,6 +59,10 @@ def check_truth(pair: Files, values: np.ndarray, camera: StereoCamera, places: P
                            "them (truth.steps = -1 in pairs.toml), or exchange the images." if kind == "disparity" else
                            f"{path} has negative depths; negate them (truth.steps = -1 in pairs.toml).")
     fault = find_fault(values, kind, camera, places)
+    if fault is None or fault.kind == "nothing":
+        misfit = find_misfit(values, kind, camera, places)
+        if misfit is not None:
+            return [f"{path} {_describe_misfit(misfit, kind, camera)}."]
     if fault is None:
         return []
     if fault.kind == "nothing":
@@ -79,6 +83,20 @@ def _describe_other_causes(fault: Fault, kind: str) -> str:
     size, large = _size_of(fault)
     return (", or state truth.steps in pairs.toml, unless camera.focal_px or camera.baseline_m there is "
             f"{size:g} times too {'small' if large else 'large'}, which looks the same; then correct that")
+
+
+def _describe_misfit(fault: Fault, kind: str, camera: StereoCamera) -> str:
+    """The end of a sentence about a map that nearly fits, without a full stop."""
+    if fault.kind == "zoom":
+        return (f"fits the images better as the map of a camera with a focal length of about "
+                f"{round(fault.factor * camera.focal_px, -1):g} px at the same place, and {camera.focal_px:g} px are "
+                "stated; give the map of the left image's own camera, or correct the focal length")
+    share = abs(fault.factor - 1)
+    what = "depths" if kind == "depth" else "disparities"
+    other = "" if kind == "disparity" else ", or the focal length or the baseline is off by as much"
+    return (f"fits the images better with another scale: its {what} seem to be about {100 * share:.0f} % too "
+            f"{'large' if fault.factor > 1 else 'small'}{other}; look at the unit and at the calibration"
+            ", as all errors in metres are off by that")
 
 
 def _size_of(fault: Fault) -> tuple[float, bool]:

@@ -71,8 +71,8 @@ def plain_pairs(root: Path) -> list[ForeignPair | UnusablePair]:
         patterns["truth_right"] = _checked_pattern(path, "right", data["truth"]["right"])
     kinds = [kind for kind in ("disparity", "depth") if kind in patterns]
     if len(kinds) != 1:
-        raise IcyMoonError(f"{path}: the table truth has {'both' if kinds else 'neither'} disparity and depth; name "
-                           "one of them.")
+        raise IcyMoonError(f"{path}: the table truth names {'disparity and depth' if kinds else 'no files'}; name "
+                           "either disparity or depth in it.")
     if patterns.get("truth_right") == patterns[kinds[0]]:
         raise IcyMoonError(f"{path}: truth.right names the files of truth.{kinds[0]}, which are of the left eye; name "
                            "those of the right eye, or leave it out.")

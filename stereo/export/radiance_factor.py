@@ -27,6 +27,9 @@ from .cameras import rays_of
 
 #: Names of the bands of a pair, see ``physics.light.bands``.
 BANDS = ("R 620 nm", "G 550 nm", "B 460 nm")
+#: Between what the angles in the files are, in words.
+_OF_FACET = "from the facet's normal to the {}"
+_GEOMETRY = "incidence and emission from the facet's normal, phase, deg"
 
 
 @dataclass(frozen=True)
@@ -89,8 +92,10 @@ def write_fits(pair: Loaded, out: Path) -> None:
             "SUNIRRAD": (found.irradiance_wm2, "[W/m2] E of pi L / E"),
             **{f"BAND{k}": (name, "plane") for k, name in enumerate(BANDS, 1)}}
         images = [Image("RADIANCE FACTOR", found.radiance_factor, "", cards),
-                  Image("INCIDENCE", found.incidence_deg, "deg"), Image("EMISSION", found.emission_deg, "deg"),
-                  Image("PHASE", found.phase_deg, "deg"), Image("DEPTH", pair.depth[eye], "m")]
+                  Image("INCIDENCE", found.incidence_deg, "deg", comment=_OF_FACET.format("Sun")),
+                  Image("EMISSION", found.emission_deg, "deg", comment=_OF_FACET.format("camera")),
+                  Image("PHASE", found.phase_deg, "deg", comment="from the Sun to the camera"),
+                  Image("DEPTH", pair.depth[eye], "m", comment="along the optical axis")]
         write_bytes(out / pair.pair.folder.name / f"{eye}.fits", encode_fits(images))
 
 
@@ -104,4 +109,4 @@ def write_tiff(pair: Loaded, out: Path) -> None:
         write_bytes(folder / f"{eye}_radiance_factor.tif", encode_tiff(
             found.radiance_factor.astype(np.float32), description="I/F: " + ", ".join(BANDS)))
         write_bytes(folder / f"{eye}_geometry.tif", encode_tiff(
-            angles.astype(np.float32), description="incidence, emission, phase, deg"))
+            angles.astype(np.float32), description=_GEOMETRY))

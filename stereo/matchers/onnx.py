@@ -45,6 +45,8 @@ OPTIONS = (
     Option("device", "auto", "Where the network runs; auto takes CUDA if ONNX Runtime has it",
            choices=("auto", "cpu", "cuda")),
     Option("threads", 1, "Number of processor cores used", 1, 1024),
+    Option("timeout_s", 60, "Seconds after which it is stopped, for an input of up to 0.1 megapixels; a larger one "
+           "gets as many times more", 1, 86400),
 )
 
 PRESETS: dict[str, dict[str, Any]] = {}
@@ -54,8 +56,8 @@ REQUIREMENT = "onnxruntime>=1.19,<2"
 _SHIFT_PX = 7
 #: Of an input of fixed size: images are resized to it.
 _MOST_PIXELS = 2**25
-#: Seconds after which a network is stopped, as other programs are.
-_MOST_S = 600.0
+#: Pixels of an input that may take ``timeout_s``; the test's input has fewer.
+_TIMED_PIXELS = 100_000
 _TEST_SHAPE = 256, 384
 #: How far the median of the disparities of the test may be from its shift.
 _TOLERANCE_PX = 1.0
@@ -204,8 +206,14 @@ def _run(network: _Network, left: np.ndarray, right: np.ndarray,
         images = {eye: np.pad(image, ((0, run_height - height), (0, run_width - width), (0, 0)), mode="edge")
                   for eye, image in images.items()}
     given = {each.name: _tensor(each, images, options) for each in network.inputs}
+    most_s = options["timeout_s"] * max(1.0, run_height * run_width / _TIMED_PIXELS)
     try:
-        outputs = _run_bounded(network.session, given)
+        outputs = _run_bounded(network.session, given, most_s)
+    except TimeoutError:
+        raise IcyMoonError(f"onnx.model {_path(options).name} was stopped after {most_s:.0f} s for {run_width} x "
+                           f"{run_height} px; if it is only slow, give a larger onnx.timeout_s than "
+                           f"{options['timeout_s']:g}; if it has a loop without end, export it again without."
+                           ) from None
     except Exception as error:  # its errors have no common base
         raise IcyMoonError(f"onnx.model {_path(options).name} failed in ONNX Runtime ({_first_line(error)}); try "
                            f"onnx.multiple, {multiple}, onnx.device=cpu or smaller images.") from None
@@ -299,19 +307,22 @@ def _describe(declared: Sequence[Any]) -> str:
     return ", ".join(f"{each.name} {'x'.join(map(str, each.shape))}" for each in declared)
 
 
-def _run_bounded(session: Any, given: dict[str, np.ndarray]) -> list[np.ndarray]:
-    """The outputs of a network, which is stopped after ``_MOST_S``: it may have a loop without end."""
+def _run_bounded(session: Any, given: dict[str, np.ndarray], most_s: float) -> list[np.ndarray]:
+    """The outputs of a network, which is stopped after ``most_s``, since it may have a loop without end.
+
+    Raises TimeoutError then.
+    """
     import onnxruntime
 
     how = onnxruntime.RunOptions()
-    clock = threading.Timer(_MOST_S, lambda: setattr(how, "terminate", True))
+    clock = threading.Timer(most_s, lambda: setattr(how, "terminate", True))
     clock.daemon = True
     clock.start()
     try:
         return list(session.run(None, given, how))
     except Exception:
         if how.terminate:
-            raise TimeoutError(f"it did not end within {_MOST_S:g} s") from None
+            raise TimeoutError from None
         raise
     finally:
         clock.cancel()

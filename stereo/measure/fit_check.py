@@ -47,6 +47,15 @@ _PLATEAU_SHARE, _PLATEAU_BEYOND = 0.002, 1.5
 _DIFFERENT_PX, _DIFFERENT_SHARE, _NEARER, _LESS = 0.5, 0.2, 0.75, 0.5
 
 
+#: Disparity of the reduced images, px, from which a small fault of scale is told; by how much it is off at least, as a
+#: logarithm and in px; and the ratios that count, as logarithms. Steep ground of sound pairs is off by 0.04.
+_SCALED_PX, _OFF_SHARE, _OFF_PX, _RATIO = 5.0, 0.04, 0.25, 0.5
+#: Share of the tiles that a wrong scale shows in, and by which share of it at least.
+_SHOWN_IN, _SHOWN = 0.8, 0.3
+#: Focal lengths that are tried, as shares of the stated one: steps of 3 %, those within a tenth left out.
+_ZOOMS = tuple(math.exp(0.03 * k) for k in range(-26, 27) if abs(k) > 3)
+
+
 @dataclass(frozen=True)
 class Fault:
     """Another reading that fits where the stated one does not, or none that does.
@@ -121,6 +130,71 @@ def find_fault(values: np.ndarray, kind: str, camera: StereoCamera, places: Plac
     if best is None and here < _FITS_NOT and _is_spread(np.isfinite(places.left) & np.isfinite(
             _thinned(stated, places.step))):
         return Fault("nothing", 1.0, here)
+    return best
+
+
+def find_misfit(values: np.ndarray, kind: str, camera: StereoCamera, places: Places) -> Fault | None:
+    """A small fault of a map in which ``find_fault`` finds none: a "scale" that is off by 4 % or more, whose
+    ``factor`` is what the numbers are too large by, or the map of a camera of another focal length at the same place, a
+    "zoom", whose ``factor`` is that focal length over the stated one."""
+    if not places.enough():
+        return None
+    thinned = _thinned(_reading(values, kind, camera), places.step) / places.step
+    scale = _find_scale(thinned, places.left)
+    if scale is not None:
+        return Fault("scale", scale if kind == "depth" else 1 / scale)
+    zoom = _find_zoom(thinned, camera, places)
+    return None if zoom is None else Fault("zoom", zoom)
+
+
+def _find_scale(stated: np.ndarray, found: np.ndarray) -> float | None:
+    """What places that are found have of the stated disparity, if that is clearly not 1, in most parts of the image.
+
+    Each part gives the ratio that its places gather at, which those that are found wrongly hardly move.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.log(found / stated)
+        known = np.isfinite(ratio) & (np.abs(ratio) < _RATIO)
+    if not _is_spread(known):
+        return None
+    gathered = np.array([_half_sample_mode(ratio[tile][known[tile]]) for tile in _tiles_with(known)])
+    off, disparity = float(np.median(gathered)), float(np.median(found[known]))
+    if disparity < _SCALED_PX or abs(off) < _OFF_SHARE or abs(off) * disparity < _OFF_PX:
+        return None
+    shown = np.mean(gathered * np.sign(off) > _SHOWN * abs(off))
+    return math.exp(off) if shown >= _SHOWN_IN else None
+
+
+def _half_sample_mode(values: np.ndarray) -> float:
+    """Where numbers gather: the narrowest half of the narrowest half of them, and so on; its median."""
+    ordered = np.sort(values)
+    while len(ordered) > 8:
+        half = len(ordered) // 2
+        first = int(np.argmin(ordered[half:] - ordered[:len(ordered) - half]))
+        ordered = ordered[first:first + half]
+    return float(np.median(ordered))
+
+
+def _find_zoom(stated: np.ndarray, camera: StereoCamera, places: Places) -> float | None:
+    """By how much the focal length of a map is that of the camera, if a map so enlarged or reduced fits clearly
+    better."""
+    rows, columns = np.mgrid[:stated.shape[0], :stated.shape[1]].astype(np.float32)
+    first = places.step // 2 + 0.5
+    across, down = (camera.cx_px - first) / places.step, (camera.cy_px - first) / places.step
+    best, least = None, math.inf
+    for zoom in _ZOOMS:
+        other = cv2.remap(stated.astype(np.float32), np.float32(across) + zoom * (columns - across).astype(np.float32),
+                          np.float32(down) + zoom * (rows - down).astype(np.float32), cv2.INTER_NEAREST,
+                          borderMode=cv2.BORDER_CONSTANT, borderValue=math.nan)
+        with np.errstate(invalid="ignore"):
+            both = np.isfinite(other) & np.isfinite(stated) & np.isfinite(places.left)
+            differs = both & (np.abs(other - stated) > _DIFFERENT_PX)
+        if not _is_spread(both):
+            continue
+        missed = float(np.median(np.abs(other - places.left)[both]))
+        near = np.abs(other - places.left)[both] <= _tolerance(places.left)[both]
+        if missed < least and near.mean() >= _FITS and _is_nearer(other, stated, places.left, differs):
+            best, least = zoom, missed
     return best
 
 
@@ -221,6 +295,12 @@ def _is_clearer(disparity: np.ndarray, stated: np.ndarray, found: np.ndarray, pl
     one, other = (_thinned(each, places.step) / places.step for each in (stated, disparity))
     with np.errstate(invalid="ignore"):
         differs = np.isfinite(found) & (np.abs(one - other) > _DIFFERENT_PX)
+    return _is_nearer(other, one, found, differs)
+
+
+def _is_nearer(other: np.ndarray, one: np.ndarray, found: np.ndarray, differs: np.ndarray) -> bool:
+    """Whether ``other`` disparities are clearly nearer than ``one`` to those that are found, where they differ; all
+    (H, W) and of the reduced images."""
     if not _is_spread(differs):
         return False
     if differs.sum() < _DIFFERENT_SHARE * np.isfinite(found).sum():

@@ -313,6 +313,40 @@ def test_eyes_that_differ_are_averaged_and_reported(tmp_path):
     assert f"{camera.focal_px:.2f} and {camera.focal_px + 4:.2f} px" in note
 
 
+@pytest.mark.parametrize(("before", "after", "words"), [
+    ("data: [500., 0., 320.5, 0., 500., 240.25,\n", "data: [540., 0., 320.5, 0., 540., 240.25,\n", "40 px in focal"),
+    ("320.5, 0., 500., 240.25,\n", "360.5, 0., 500., 240.25,\n", "40 px in principal point"),
+    ("data: [-0.3,", "data: [-0.2,", "50 px in distortion")])
+def test_unlike_lenses_give_the_rig_of_the_rectified_images(tmp_path, before, after, words):
+    """Rectified images have one lens, whatever the lenses were."""
+    left, right = ros_pair(tmp_path)
+    change(right, (before, after))
+    found, (note,) = read_rig(left, right)
+    assert size_and_lens(found.rig) == pytest.approx((640, 480, 500.0, 320.5, 240.25, 0.2))
+    assert found.rig.distortion_k1 == 0
+    assert "rig of the rectified images" in note
+    assert words in note
+
+
+@pytest.mark.parametrize(("before", "after", "words"), [
+    ("data: [500., 0., 320.5, -100.0, 0., 500.,", "data: [501., 0., 320.5, -100.0, 0., 501.,", "500.00 and 501.00 px"),
+    ("-100.0, 0., 500., 240.25,", "-100.0, 0., 500., 241.25,", "240.25 and 241.25 px")])
+def test_projections_of_no_rectified_pair_are_refused(tmp_path, before, after, words):
+    """The reason is of projection_matrix, which alone could serve where the lenses differ."""
+    left, right = ros_pair(tmp_path)
+    change(right, ("data: [-0.3,", "data: [-0.2,"), (before, after))
+    with pytest.raises(IcyMoonError, match=rf"50 px in distortion, .* no rectified pair: .*{words}"):
+        read_rig(left, right)
+
+
 def test_eyes_of_two_kinds_of_camera_are_refused(tmp_path):
-    with pytest.raises(IcyMoonError, match=r"differ by 100 px in focal length"):
+    with pytest.raises(IcyMoonError, match=r"differ by 100 px in focal length, .* no rectified pair: .*calibrate both"):
         read_rig(*ros_pair(tmp_path, f="600.", shift="-120.0"))
+    paths = []
+    for name, along, more in (("left", 0.0, 0.0), ("right", 0.3, 100.0)):
+        matrix = np.array(StereoCamera.from_settings(RIG).matrix) + np.diag([more, more, 0])
+        model = from_pinhole(matrix, np.eye(3), np.array([along, 0, 0]), (640, 480), K)
+        paths.append(tmp_path / f"{name}.cahvor")
+        paths[-1].write_text(cahvor_text(model), encoding="utf-8")
+    with pytest.raises(IcyMoonError, match=r"differ by 100 px in focal length, .* rectify their images first"):
+        read_rig(*paths)

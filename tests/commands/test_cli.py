@@ -84,6 +84,10 @@ def test_a_plan_is_listed_and_told_before_anything_starts(tmp_path):
     told = run("plan", str(file), "--dry-run", "--out", str(tmp_path / "none"))
     assert told.stdout.splitlines()[:3] == ["Two suns", "2 pairs", "1 ground, 1 surface, 2 lights; 1 scene to build"]
     assert not (tmp_path / "none").exists()
+    assert "principal point" not in told.stdout
+    (tmp_path / "small.toml").write_text(f"{file.read_text()}[rig]\nwidth_px = 160\nprincipal_x_px = 90\n")
+    told = run("plan", str(tmp_path / "small.toml"), "--dry-run")
+    assert told.stdout.count("The principal point is outside of the image") == 1
     facts = json.loads(run("plan", str(file), "--dry-run", "--json").stdout)
     assert (facts["type"], facts["pairs"], facts["scenes"]) == ("result", 2, 1)
     assert "datasets/guiss_rocks" in run("plan").stdout

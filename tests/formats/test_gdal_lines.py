@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.formats import gdal_lines, geotiff
+from icymoon.formats import files_beside, gdal_lines, geotiff
 from icymoon.formats.geotiff import Site
 from icymoon.nodes.ground.import_heights import read_heights
 from icymoon.nodes.ground.user_ground import kind_of
@@ -271,3 +271,69 @@ def test_names_are_one_word_of_a_shell(name, word):
     assert gdal_lines.quoted(name) == word
     said = subprocess.run(["bash", "-c", f"printf %s {word}"], capture_output=True, text=True, check=True).stdout
     assert said.removeprefix("./") == name
+
+
+@WITH_GDAL
+@pytest.mark.parametrize("suffix", [".tfw", ".TFW", ".tifw", ".wld"])
+def test_a_world_file_beside_a_map_without_a_place_is_named_and_written_into_it(tmp_path, suffix):
+    path = write_tiff(tmp_path / "a.tif", VALUES)
+    plain = geotiff.read(path)
+    assert (plain.unplaced, plain.warnings) == (files_beside.NO_SIZE, ())
+    path.with_suffix(suffix).write_text("2\n0\n0\n-3\n1001\n-501.5\n", encoding="utf-8")
+    read = geotiff.read(path)
+    assert f"a{suffix} beside it is not read" in read.unplaced
+    assert [warning for warning in read.warnings if f"a{suffix} beside it" in warning]
+    if suffix == ".TFW":  # which GDAL finds where the disk has a folder's names
+        return
+    made = geotiff.read(follow(read.unplaced, tmp_path))
+    rows = len(VALUES)
+    assert made.pixel_m == (2.0, 3.0)
+    assert made.corner_m == (1001.0, -501.5 - 3 * (rows - 1))
+    assert not [warning for warning in made.warnings if "beside it" in warning]
+
+
+def test_a_world_file_beside_a_map_with_a_place_changes_nothing(tmp_path):
+    path = write_tiff(tmp_path / "a.tif", VALUES, pixel=(2.0, 3.0))
+    plain = geotiff.read(path)
+    path.with_suffix(".tfw").write_text("9\n0\n0\n-9\n0\n0\n", encoding="utf-8")
+    assert geotiff.read(path).warnings == plain.warnings
+
+
+@WITH_GDAL
+@pytest.mark.parametrize(("element", "words"), [
+    ("<GeoTransform> 1000, 2, 0, -500, 0, -3</GeoTransform>", "its place"),
+    ('<SRS dataAxisToSRSAxisMapping="1,2">GEOGCS[]</SRS>', "its map system"),
+    ('<PAMRasterBand band="1"><NoDataValue>3</NoDataValue></PAMRasterBand>', "which heights are missing"),
+    ('<PAMRasterBand band="1"><Offset>5</Offset><Scale>2</Scale></PAMRasterBand>', "the scale of its heights, their"),
+    ('<PAMRasterBand band="1"><Metadata><MDI key="STATISTICS_MEAN">3</MDI></Metadata></PAMRasterBand>', "")])
+def test_what_notes_of_gdal_state_is_named_and_written_into_the_map(tmp_path, element, words):
+    path = write_tiff(tmp_path / "a.tif", VALUES, pixel=(2.0, 3.0))
+    plain = geotiff.read(path).warnings
+    (tmp_path / "a.tif.aux.xml").write_text(f"<PAMDataset>{element}</PAMDataset>", encoding="utf-8")
+    told = [each for each in geotiff.read(path).warnings if each not in plain]
+    assert len(told) == bool(words)
+    if words == "which heights are missing":
+        assert np.isnan(geotiff.read(follow(told[0], tmp_path)).heights_m).sum() == (VALUES == 3).sum() > 0
+    elif words:
+        assert words in told[0]
+
+
+def test_notes_that_cannot_be_read_are_named(tmp_path):
+    path = write_tiff(tmp_path / "a.tif", VALUES, pixel=(2.0, 3.0))
+    (tmp_path / "a.tif.aux.xml").write_bytes(b"\xff\xfe\x00\xd8")
+    assert "a.tif.aux.xml beside it cannot be read" in " ".join(geotiff.read(path).warnings)
+
+
+@WITH_GDAL
+def test_a_world_file_beside_heights_of_png_is_named_and_used(tmp_path):
+    heights = np.array([[100, 200, 300], [400, 500, 600]], np.uint16)
+    with rasterio.open(tmp_path / "a.png", "w", driver="PNG", height=2, width=3, count=1, dtype="uint16") as out:
+        out.write(heights, 1)
+    for left in tmp_path.glob("*.xml"):
+        left.unlink()
+    assert read_heights(tmp_path / "a.png").unplaced == files_beside.NO_SIZE
+    (tmp_path / "a.pgw").write_text("2\n0\n0\n-3\n1001\n-501.5\n", encoding="utf-8")
+    read = read_heights(tmp_path / "a.png")
+    assert "a.pgw beside it" in read.warnings[0]
+    made = geotiff.read(follow(read.unplaced, tmp_path))
+    assert (made.pixel_m, made.heights_m.tolist()) == ((2.0, 3.0), heights.tolist())

@@ -138,6 +138,21 @@ def test_what_may_be_meant_is_told_and_not_refused():
     assert not refused_scenes.scene_advice(complete())
 
 
+@pytest.mark.parametrize(("rig", "words"), [
+    ({"width_px": 320, "principal_x_px": 200.0}, "outside of the image: rig.principal_x_px puts it 200 px to the "
+                                                 "right, and rig.width_px is 320."),
+    ({"width_px": 320, "principal_x_px": -81.0}, "far from the middle of the image: rig.principal_x_px puts it -81"),
+    ({"height_px": 240, "principal_y_px": 121.0}, "outside of the image: rig.principal_y_px puts it 121 px down, and "
+                                                  "rig.height_px is 240."),
+    ({"width_px": 320, "principal_x_px": 80.0}, "")])
+def test_a_principal_point_that_did_not_follow_the_size_of_the_image_is_told(rig, words):
+    settings = complete({"rig": rig})
+    assert not refused_scenes.find_reasons(settings)
+    said = [each for each in refused_scenes.scene_advice(settings) if "principal point" in each]
+    assert len(said) == bool(words)
+    assert all(words in each and each.endswith("by the same factor.") for each in said)
+
+
 @pytest.mark.parametrize("name", preset_files.preset_names())
 def test_every_shipped_preset_is_admitted(name):
     settings = complete(preset_files.load_preset(name))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from icymoon.physics.camera.blur import blur_identity
@@ -20,8 +22,9 @@ def planned(*parts: dict) -> PlannedPair:
 
 
 def grid(seeds: int = 2, elevations: tuple[float, ...] = (20.0, 40.0),
-         headings: tuple[float, ...] = (0.0, 90.0)) -> list[PlannedPair]:
-    """Pairs of all combinations, headings innermost."""
-    return [planned({"dataset": {"seed": seed}, "light": {"sun_elevation_deg": elevation},
+         headings: tuple[float, ...] = (0.0, 90.0),
+         more: Mapping[str, Any] = MappingProxyType({})) -> list[PlannedPair]:
+    """Pairs of all combinations, headings innermost, with ``more`` settings."""
+    return [planned(dict(more), {"dataset": {"seed": seed}, "light": {"sun_elevation_deg": elevation},
                      "rig": {"heading_deg": heading}})
             for seed in range(seeds) for elevation in elevations for heading in headings]

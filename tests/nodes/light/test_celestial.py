@@ -181,3 +181,16 @@ def test_the_panel_says_how_the_rings_stand_and_that_there_is_an_eclipse():
     eclipsed = light | {"sun_elevation_deg": 40.0, "sun_azimuth_deg": 0.0}
     assert "Eclipse: planet hides 100 % of Sun" in sidebar_text.sky_lines(eclipsed)
     assert max(map(len, sidebar_text.sky_lines(eclipsed))) <= 42
+
+
+@pytest.mark.parametrize("elevation_deg", [40.0, 49.0, -5.0])
+def test_the_panel_shows_the_light_of_the_sun_that_the_scene_renders(elevation_deg):
+    """Less what the planet hides, all, part or nothing of it, and 0 by night."""
+    settings = complete({"light": {"planet": True, "planet_elevation_deg": 40.0, "planet_azimuth_deg": 0.0,
+                                   "planet_angular_diameter_deg": 18.0, "planet_flattening": 0.0,
+                                   "sun_elevation_deg": elevation_deg, "sun_azimuth_deg": 0.0}})
+    built = scenes.build(empty_scene(), settings)
+    assert (sky(settings.light).eclipse > 0) == (elevation_deg > 0)
+    lamp = float(built.sun.data.energy)
+    shown = next(line for line in sidebar_text.sky_lines(settings.light) if "W/m²" in line)
+    assert shown.split()[0] == f"{lamp:.3g}"

@@ -56,6 +56,32 @@ def test_what_settings_contradict_is_named_with_both_values(folder, key, value):
         read_pair(folder)
 
 
+def baked(**changes: Any) -> dict[str, Any]:
+    return {"method": "BAKED", "share": 0.1, "noise": 0.01, "lights": {"Sun": {"noise": 0.01}}, **changes}
+
+
+@pytest.mark.parametrize(("asked", "noise", "stated", "words"), [
+    ("TRACED", 0.02, baked(), "indirect is a table, and its settings give nothing"),
+    ("BAKED", 0.02, None, "indirect is nothing, and its settings give a table"),
+    ("BAKED", 0.02, "BAKED", "indirect is 'BAKED', and its settings give a table"),
+    ("BAKED", 0.02, baked(noise=0.03), "indirect.noise is 0.03, and its settings give at most 0.02"),
+    ("BAKED", 0.02, baked(noise="none"), "indirect.noise is 'none', and its settings give at most 0.02"),
+    ("BAKED", 0.02, baked(lights={"Planet": {}}), r"indirect.lights is \['Planet'\], and its settings give \['Sun'\]"),
+    ("BAKED", 0.02, baked(lights={}), r"indirect.lights is \[\], and its settings give \['Sun'\]"),
+    ("TRACED", 0.02, None, ""), ("BAKED", 0.02, baked(), ""), ("BAKED", 0.0, baked(noise=0.03), ""),
+    ("BAKED", 0.02, {"method": "TRACED", "why": "it is snow"}, "")])
+def test_how_indirect_light_was_made_is_what_the_settings_ask_for(folder, asked, noise, stated, words):
+    """A bake_noise of 0 sets no limit, and what was to be baked may be traced."""
+    edit(folder, "settings.quality.indirect", asked)
+    edit(folder, "settings.quality.bake_noise", noise)
+    edit(folder, "indirect", stated)
+    if not words:
+        read_pair(folder)
+        return
+    with pytest.raises(IcyMoonError, match=words):
+        read_pair(folder)
+
+
 def test_files_that_settings_do_not_give_are_refused(folder):
     edit(folder, "files.left_truth", {"bytes": 1, "sha256": "0" * 64})
     with pytest.raises(IcyMoonError, match="files has left_truth, and its settings give no such file"):

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.render.plans import frozen_plan as datasets
+from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.workers.manifest import write_manifest
 from icymoon.render.workers.verify import verify
 from pairs import Scene, camera, write_pair
@@ -57,6 +59,29 @@ def test_a_data_set_may_grow_but_not_become_another(tmp_path):
     assert len(datasets.read_frozen_plan(tmp_path).pairs) == len(PAIRS)
     with pytest.raises(IcyMoonError, match="no pair"):
         datasets.freeze_plan(tmp_path / "x", [], "")
+
+
+def square(*suns: float, size_m: float = 20.0) -> list[PlannedPair]:
+    """Pairs in two headings under each Sun."""
+    return [planned({"rig": {"heading_deg": heading}, "light": {"sun_elevation_deg": sun}, "terrain": {
+        "size_m": size_m}}) for heading in (0.0, 90.0) for sun in suns]
+
+
+@pytest.mark.parametrize(("now", "words"), [
+    (square(20.0, 40.0, size_m=6.0), "4 of its 4 pairs are not in this plan, since terrain.size_m was 20.0 and is 6.0"),
+    (square(20.0), "2 of its 4 pairs are not in this plan, since light.sun_elevation_deg no longer takes 40.0"),
+    (square(20.0, 50.0), "light.sun_elevation_deg no longer takes 40.0, but 50.0"),
+    (square(50.0, 60.0), "light.sun_elevation_deg no longer takes 20.0 and 1 more value, but 50.0 and 1 more value"),
+    (square(20.0, 40.0)[1:], "1 of its 4 pairs is not in this plan, since no pair has together "
+                                "light.sun_elevation_deg 20.0, rig.heading_deg 0.0"),
+    ([replace(pair, id=f"{k:012x}") for k, pair in enumerate(square(20.0, 40.0))],
+     "since a file of yours has another content")])
+def test_the_settings_that_changed_are_named_and_no_others(tmp_path, now, words):
+    """Also where other settings vary, whose values are as they were."""
+    datasets.freeze_plan(tmp_path, square(20.0, 40.0), "")
+    with pytest.raises(IcyMoonError) as caught:
+        datasets.freeze_plan(tmp_path, now, "edited")
+    assert f"{words}. To continue" in str(caught.value)
 
 
 @pytest.mark.parametrize("damage", ["", "{", "[1]\n", '{"format": "icymoon-dataset", "version": 99}\n'])

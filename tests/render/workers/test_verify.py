@@ -14,6 +14,7 @@ import pytest
 from icymoon.commands.cli import main
 from icymoon.errors import IcyMoonError
 from icymoon.physics.light.baked_rocks import TERMS
+from icymoon.render.baked_light import Indirect
 from icymoon.render.pairs import baked_file, pair_folder
 from icymoon.render.pairs.baked_file import BakedLight
 from icymoon.render.plans import frozen_plan as datasets
@@ -25,7 +26,7 @@ from icymoon.settings import description, pair_ids
 from pairs import Scene, camera, write_pair
 from plans import grid
 
-PAIRS = grid(seeds=1)
+PAIRS = grid(seeds=1, more={"quality": {"indirect": "BAKED"}})
 KEYS = ("000000000000", "111111111111")
 
 
@@ -44,7 +45,7 @@ def bake(dataset: Path, key: str, level: float = 1.0) -> KeptLight:
 
 
 def state(folder: Path, kept: KeptLight) -> None:
-    rewrite(folder, indirect={"method": "BAKED", "lights": {"Sun": kept.to_json(0.2)}})
+    rewrite(folder, indirect=Indirect({"Sun": kept}).to_json({"left": {"Sun": 0.2}, "right": {"Sun": 0.2}}))
 
 
 @pytest.fixture
@@ -129,7 +130,7 @@ def test_what_does_not_change_a_pixel_may_differ(dataset):
 
 def test_an_edited_pair_that_no_plan_has_is_a_state(dataset):
     """As the window renders a scene that was edited by hand into the folder of a data set."""
-    folder = write_pair(dataset / "pairs" / ("e" * 12), Scene(), camera(32, 24), settings=PAIRS[0].settings)
+    folder = write_pair(dataset / "pairs" / ("e" * 12), Scene(), camera(32, 24), settings=grid()[0].settings)
     rewrite(folder, edited_by_hand=True)
     before = everything(dataset)
     problem = the_problem(dataset, remove=True)

@@ -257,6 +257,7 @@ def test_fits_files_are_cards_and_blocks_with_the_bottom_row_first(dataset, tmp_
     assert cards[0] == "SIMPLE  =                    T / conforms to FITS standard".ljust(80)
     assert "NAXIS3  =                    3".ljust(80) in cards
     assert any(card.startswith("PAIR    = '0123456789ab'") for card in cards)
+    assert b"EXTNAME = 'INCIDENCE' / from the facet's normal to the Sun" in data
     cube = np.frombuffer(data[2880:2880 + 4 * 3 * 72 * 96], ">f4").reshape(3, 72, 96)
     light = pairs.view(SCENE, RIG, "left")[1]
     assert cube[0, 0] == pytest.approx(math.pi * light[-1] / SUN_WM2, rel=1e-6), "the bottom row comes first"
@@ -268,6 +269,8 @@ def test_astropy_reads_them_and_finds_no_fault(dataset, tmp_path):
         opened.verify("exception")
         assert [each.name for each in opened] == ["RADIANCE FACTOR", "INCIDENCE", "EMISSION", "PHASE", "DEPTH"]
         assert opened[1].header["BUNIT"] == "deg"
+        assert opened["INCIDENCE"].header.comments["EXTNAME"] == "from the facet's normal to the Sun"
+        assert opened["EMISSION"].header.comments["EXTNAME"] == "from the facet's normal to the camera"
         depth = pairs.view(SCENE, RIG, "right")[0]
         assert opened["DEPTH"].data[::-1] == pytest.approx(depth, rel=1e-6, nan_ok=True)
 

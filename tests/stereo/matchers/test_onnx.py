@@ -1,5 +1,7 @@
 """Networks as ONNX files: every kind of input and output, and what is said of one that is not as stated."""
 
+import time
+
 import numpy as np
 import pytest
 from icymoon.errors import IcyMoonError
@@ -113,8 +115,8 @@ def test_a_file_that_is_no_network_is_one_sentence(tmp_path):
         check_options("onnx", {})
 
 
-def write_loop(path):
-    """Write a network whose loop has no end."""
+def write_loop(path, size):
+    """Write a network for images of a size (rows, columns) whose loop has no end."""
     onnx, (number, image) = onnx_networks.onnx, (onnx_networks.TensorProto.INT64, onnx_networks.TensorProto.FLOAT)
     helper = onnx.helper
 
@@ -128,7 +130,7 @@ def write_loop(path):
     graph = helper.make_graph(
         [helper.make_node("ReduceMean", ["left"], ["mean"], axes=[1]),
          helper.make_node("Loop", ["most", "true", "mean"], ["out"], body=body)], "graph",
-        [value(name, image, [1, 3, "h", "w"]) for name in ("left", "right")], [value("out", image, [1, 1, "h", "w"])],
+        [value(name, image, [1, 3, *size]) for name in ("left", "right")], [value("out", image, [1, 1, *size])],
         [onnx.numpy_helper.from_array(np.array(2**62), "most"), onnx.numpy_helper.from_array(np.array(True), "true")])
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
     model.ir_version = 8
@@ -136,10 +138,15 @@ def write_loop(path):
     return path
 
 
-def test_a_network_without_end_is_stopped(tmp_path, monkeypatch, capfd):
-    monkeypatch.setattr(matcher, "_MOST_S", 0.2)
-    with pytest.raises(IcyMoonError, match=r"loop.onnx failed in ONNX Runtime \(it did not end within 0.2 s\)"):
-        found(write_loop(tmp_path / "loop.onnx"))
+@pytest.mark.parametrize(("size", "seconds"), [((240, 320), 1), ((200, 1000), 2)])
+def test_a_network_without_end_is_stopped_after_a_time_in_proportion_to_its_input(tmp_path, capfd, size, seconds):
+    """After ``timeout_s`` for up to 0.1 megapixels, twice that for 0.2; and it is not tried again for the next pair."""
+    path, begun = write_loop(tmp_path / "loop.onnx", size), time.monotonic()
+    for _ in range(2):
+        with pytest.raises(IcyMoonError, match=rf"stopped after {seconds} s for {size[1]} x {size[0]} px; if it "
+                                               r"is only slow, give a larger onnx.timeout_s than 1;"):
+            found(path, timeout_s=1)
+    assert seconds <= time.monotonic() - begun < 2 * seconds + 2  # a second of starting, on a busy machine
     assert "onnxruntime" not in capfd.readouterr().err
 
 

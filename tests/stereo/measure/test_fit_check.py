@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pairs
 import pytest
-from icymoon.stereo.measure.fit_check import find_fault, find_places, known_places, ray_lengths, without_far_plateau
+from icymoon.stereo.measure.fit_check import (
+    find_fault,
+    find_misfit,
+    find_places,
+    known_places,
+    ray_lengths,
+    without_far_plateau,
+)
 
 RIG = pairs.camera(192, 144)
 #: Ground that rises to the left, with a rock: no symmetry hides a fault.
@@ -56,6 +65,34 @@ def test_a_factor_is_measured(places, kind, factor):
     assert fault is not None
     assert fault.kind == "factor"
     assert fault.factor == pytest.approx(factor, rel=0.02)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.03, 0.1])
+@pytest.mark.parametrize("scene", [SCENE, pairs.Scene(distance_m=2.5, slope_x=0.35, slope_y=0.5, contrast=0.03)])
+def test_a_sound_map_has_no_small_fault(scene, noise):
+    depth = seen("left", scene, noise)[0]
+    found = find_places(seen("left", scene, noise)[1], seen("right", scene, noise)[1])
+    for values, kind in ((depth, "depth"), (RIG.disparity(depth), "disparity"), (1.01 * depth, "depth")):
+        assert find_misfit(values, kind, RIG, found) is None
+
+
+@pytest.mark.parametrize("factor", [0.8, 0.95, 1.07, 1.25])
+@pytest.mark.parametrize("kind", ["depth", "disparity"])
+def test_a_scale_that_is_off_by_a_little_is_noticed(places, kind, factor):
+    fault = find_misfit((DEPTH if kind == "depth" else DISPARITY) * factor, kind, RIG, places)
+    assert fault is not None
+    assert fault.kind == "scale"
+    assert fault.factor == pytest.approx(factor, rel=0.015)
+
+
+@pytest.mark.parametrize("zoom", [0.6, 0.8, 1.25, 1.5])
+def test_the_map_of_another_focal_length_is_noticed(places, zoom):
+    """At the same place, so its depths in the middle are right."""
+    rig = dataclasses.replace(RIG, focal_px=zoom * RIG.focal_px)
+    fault = find_misfit(pairs.view(SCENE, rig, "left")[0], "depth", RIG, places)
+    assert fault is not None
+    assert fault.kind == "zoom"
+    assert fault.factor == pytest.approx(zoom, rel=0.06)
 
 
 def test_exchanged_images_and_a_map_of_the_other_eye_are_named(places):

@@ -59,7 +59,7 @@ def test_a_bake_is_shared_by_the_images_of_its_ground_but_not_of_its_view(truth,
     data = json.loads((folder / "pair.json").read_text())
     data["indirect"] = {"method": "BAKED", "share": 0.2, "noise": 0.0, "lights": {
         "Sun": {"cpu_seconds_of_bake": 10.0}, "Planet": {"cpu_seconds_of_bake": 2.0}}}
-    data["settings"].setdefault("quality", {})["bake_area"] = area
+    data["settings"].setdefault("quality", {}).update(indirect="BAKED", bake_area=area)
     (folder / "pair.json").write_text(json.dumps(data))
     assert measure([folder], truth, METHODS, images)["cpu_s"] == pytest.approx(3.0 + bake_s)
 

@@ -1,0 +1,59 @@
+"""Files beside a height map that state its place or the meaning of its numbers, as GDAL and ESRI's programs write them.
+
+They are not read. What they state and the map does not is named, with the command that writes it into a GeoTIFF. World
+files have six numbers (gdal.org/drivers/raster/wld.html), the others XML (gdal.org/user/raster_data_model.html).
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from ..errors import IcyMoonError
+from ..support.foreign_bytes import read
+from . import gdal_lines
+
+#: Why a file without a step from pixel to pixel has no place, as the end of a sentence.
+NO_SIZE = "does not state the size of its pixels"
+#: Suffixes of world files by that of the map.
+_WORLD = {".tif": (".tfw", ".tifw", ".wld"), ".tiff": (".tfw", ".tiffw", ".wld"), ".png": (".pgw", ".pngw", ".wld")}
+#: Elements of the XML that change where heights are or what they mean; most such files have statistics alone.
+_TELLING = {"GeoTransform": "its place", "SRS": "its map system", "NoDataValue": "which heights are missing",
+            "Scale": "the scale of its heights", "Offset": "their offset", "UnitType": "their unit"}
+_MOST_BYTES = 2**24
+
+
+def why_unplaced(path: Path) -> str:
+    """Why a map that states no place of its own has none, as the end of a sentence: also that its world file is not
+    read."""
+    world = _find_world_file(path)
+    return NO_SIZE + (f", and {world.name} beside it {_not_read(path)}" if world else "")
+
+
+def doubt_world_file(path: Path) -> list[str]:
+    """A clause on the world file of a map that states no place of its own, if there is one."""
+    world = _find_world_file(path)
+    return [f"{world.name} beside it, which states its place, {_not_read(path)}"] if world else []
+
+
+def doubt_notes(path: Path) -> list[str]:
+    """A clause on what GDAL's notes beside a map state of it, if there are any."""
+    notes = path.with_name(f"{path.name}.aux.xml")
+    if not notes.is_file():
+        return []
+    try:
+        text = read(notes, lambda foreign: foreign.text(), "notes of GDAL", "remove it", _MOST_BYTES)
+    except IcyMoonError:
+        return [f"{notes.name} beside it cannot be read; look whether it states the place of the map"]
+    stated = [words for name, words in _TELLING.items() if re.search(rf"<{name}[\s>]", text)]
+    return [f"{notes.name} beside it, which states {', '.join(stated)}, {_not_read(path)}"] if stated else []
+
+
+def _find_world_file(path: Path) -> Path | None:
+    suffixes = _WORLD.get(path.suffix.lower(), ())
+    names = (path.with_suffix(each) for lower in suffixes for each in (lower, lower.upper()))
+    return next((name for name in names if name.is_file()), None)
+
+
+def _not_read(path: Path) -> str:
+    return f"is not read; write its numbers into a GeoTIFF, in its folder with: {gdal_lines.translate(path.name)}"
