@@ -16,11 +16,11 @@ import numpy as np
 from .. import system
 from ..errors import DiskError, IcyMoonError
 from ..files import explain_disk_errors, part_of, sha256, write_json
-from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights
+from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights, noise_of_baked
 from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import Piece, join_files
 from ..formats.exr_pixels import drop_passes, round_passes
-from ..labels import BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
+from ..labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
 from ..nodes.datablocks.fingerprint import built_objects
 from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
@@ -61,6 +61,8 @@ _ROOM_WHILE_WRITING = 1.3
 #: Most triangles that Cycles' data is kept for between two renders: half a gigabyte more than without.
 MOST_KEPT_TRIANGLES = 8_000_000
 _TRACED = Indirect()
+#: The eye on whose pixels the noise of a pair is judged: its file alone has the error of baked light.
+_JUDGED = "left"
 
 
 @contextmanager
@@ -198,6 +200,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     rounded = rounded_passes(quality.files, quality.half_floats)
     files: dict[str, dict[str, Path]] = {}
     shares: dict[str, dict[str, float]] = {}
+    noise_of_image = None
     start = time.perf_counter()
     with turn_about_eye(built.camera, planned.turn_deg), _turn_head(built, planned.turn_deg):
         cycles_settings.apply(scene, quality, planned.render_seed, blur is not None, clear_rocks(settings))
@@ -230,18 +233,22 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                             files.setdefault(name.format(eye), {})[layer] = file
                             if layer == BEAUTY and indirect.lights:
                                 shares[eye] = _add_baked_light(file, planned)
+                                if eye == _JUDGED:
+                                    with _report_unreadable(planned):
+                                        noise_of_image = noise_of_baked(file.read_bytes())
         light = light_json(built, settings.light.directions_from)
         if settings.workspace.cell_m > 0:
             _write_workspace(part / WORKSPACE_FILE, built, scene, settings)
     rendered = time.perf_counter() - start
     start = time.perf_counter()
-    written = {name: _merge_layers(layers, part / name, rounded, quality.files == "COMPACT")
+    judged = f"{_JUDGED}.exr" if indirect.lights else ""
+    written = {name: _merge_layers(layers, part / name, rounded, quality.files == "COMPACT", name == judged)
                for name, layers in sorted(files.items())}
     if settings.workspace.cell_m > 0:
         written[WORKSPACE_FILE] = _fact_of(part / WORKSPACE_FILE)
     return {**pair_json(built, planned, poses, light, written, {
         "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
-        "write": round(time.perf_counter() - start, 3)}, quality.denoiser, indirect.to_json(shares)),
+        "write": round(time.perf_counter() - start, 3)}, quality.denoiser, indirect.to_json(shares, noise_of_image)),
         **({"truth": engine} if engine else {}), **lander_json(built, settings, poses, part)}
 
 
@@ -356,17 +363,20 @@ def _run_cycles(scene: bpy.types.Scene, files: dict[str, Path], planned: Planned
                             "the disk is full or the folder may not be written to.")
 
 
-def _merge_layers(written: dict[str, Path], final: Path, rounded: set[str], compact: bool) -> dict[str, Any]:
+def _merge_layers(written: dict[str, Path], final: Path, rounded: set[str], compact: bool,
+                  with_error: bool) -> dict[str, Any]:
     """Put the layers that Blender wrote into one file, flush it and return its size and checksum.
 
-    The passes ``rounded`` are stored as 16-bit floats. A ``compact`` file has no image that is the sum of its lights.
+    The passes ``rounded`` are stored as 16-bit floats. A ``compact`` file has no image that is the sum of its lights,
+    and one not ``with_error`` no error of baked light.
     """
     with explain_disk_errors("write", final):
         layers = {name: file.read_bytes() for name, file in written.items()}
-        twice = {IMAGE_PASS} if compact and BEAUTY in layers and is_sum_of_lights(layers[BEAUTY]) else set[str]()
+        unwanted = passes.UNWANTED | (set[str]() if with_error else {*BAKED_ERROR_PASSES.values()})
+        unwanted |= {IMAGE_PASS} if compact and BEAUTY in layers and is_sum_of_lights(layers[BEAUTY]) else set[str]()
 
         def less(piece: Piece) -> Piece | None:
-            kept = drop_passes(piece, passes.UNWANTED | twice)
+            kept = drop_passes(piece, unwanted)
             return kept and round_passes(kept, rounded)
 
         final.write_bytes(join_files(layers, less))

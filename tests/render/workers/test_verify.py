@@ -30,7 +30,8 @@ KEYS = ("000000000000", "111111111111")
 
 
 def light(level: float = 1.0) -> BakedLight:
-    return BakedLight(np.full((9, 3), level, np.float32), np.zeros((0, TERMS, 3), np.float32), 0.02, 0.2, 64, 2.0)
+    return BakedLight(np.full((9, 3), level, np.float32), np.zeros(9, np.float32), np.zeros((0, TERMS, 3), np.float32),
+                      0.02, 0.2, 64, 2.0)
 
 
 def rewrite(folder: Path, **changes: Any) -> None:
