@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ..number_text import count_of
+from ..physics.scene_requirements import bake_advice
 from ..render.cost.abilities import find_lack, needs_full_build
 from ..render.cost.estimate import estimate
 from ..render.cost.speed import recall_speed
@@ -107,7 +109,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
     lack = _check_blender(pairs, options)
     unchecked = plan.describe_unchecked()
     told = [line for line in (plan.describe_splits(), plan.describe_draws()) if line]
-    lines = [*lack, *found.lines(), *told, *plan.describe_stand_ins(), *_refusal_lines(plan)]
+    lines = [*lack, *found.lines(), *told, *plan.describe_stand_ins(), *_bake_lines(pairs), *_refusal_lines(plan)]
     if options.json:
         emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.to_json() | {"lines": lines})
         return
@@ -128,6 +130,12 @@ def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) ->
     if any(map(needs_full_build, missing)):
         return ["Not every Blender can render it; name the one that is to with --blender, and it is asked."]
     return []
+
+
+def _bake_lines(pairs: Sequence[PlannedPair]) -> list[str]:
+    """A line on the pairs whose light is baked with too few samples; none if there are none."""
+    found = [said for pair in pairs for said in bake_advice(pair.settings)]
+    return [f"In {len(found)} of {count_of(len(pairs), 'pair')}: {found[0]}"] if found else []
 
 
 def _refusal_lines(plan: Plan) -> list[str]:
