@@ -10,7 +10,11 @@ ALBEDO_AOV = "Albedo"  # value pass of maps of the ground only
 BAKED_AOVS = {"Sun": "Baked", "Planet": "BakedPlanet"}
 #: Of the ground's vertices, by light group: their indirect irradiance over pi, in three bands.
 BAKED_ATTRIBUTES = {"Sun": "icymoon_baked_light", "Planet": "icymoon_baked_light_planet"}
-#: What they have where no light was baked, so that a pixel that shows such ground is found.
+#: Value passes of such an image, by light group: an error as large as that of the baked light, see ``bake``.
+BAKED_ERROR_AOVS = {"Sun": "BakedError", "Planet": "BakedErrorPlanet"}
+#: Of the ground's vertices, by light group: the same of their irradiance over pi, the mean of the bands.
+BAKED_ERROR_ATTRIBUTES = {group: f"{name}_error" for group, name in BAKED_ATTRIBUTES.items()}
+#: What BAKED_ATTRIBUTES have where no light was baked, so that a pixel that shows such ground is found.
 NOT_BAKED = -1.0e30
 
 #: Light groups of the Beauty layer, each a pass ``Combined_<group>``, and the setting that weighs it.
@@ -18,7 +22,8 @@ LIGHT_GROUPS = {"Sun": "sun_scale", "Planet": "planet_scale"}
 IMAGE_PASS = f"{BEAUTY}.Combined"
 GROUP_PASSES = tuple(f"{IMAGE_PASS}_{group}" for group in LIGHT_GROUPS)
 NORMAL_PASS = f"{TRUTH}.{NORMAL_AOV}"
-_RADIANCE = {IMAGE_PASS, *GROUP_PASSES}
+BAKED_ERROR_PASSES = {group: f"{BEAUTY}.{name}" for group, name in BAKED_ERROR_AOVS.items()}
+_RADIANCE = {IMAGE_PASS, *GROUP_PASSES, *BAKED_ERROR_PASSES.values()}
 #: Passes (``LAYER.PASS``) that a pair's files store as 16-bit floats, by ``quality.half_floats``.
 ROUNDED = {"NONE": set[str](), "RADIANCE": _RADIANCE,
            "RADIANCE_NORMALS": _RADIANCE | {f"{TRUTH}.Normal", NORMAL_PASS}}

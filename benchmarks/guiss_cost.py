@@ -115,7 +115,7 @@ def ladder() -> list[Rung]:
                 "indirect": "BAKED", "bake_area": area, "bake_samples": most, "bake_noise": 0.0,
                 "direct_samples": n}))
               for how, area, numbers in (
-                  ("baked", "GROUND", ((16, 4), (64, 2), (64, 4), (256, 2), (256, 4))),
+                  ("baked", "GROUND", ((64, 2), (64, 4), (256, 2), (256, 4))),
                   ("baked where seen", "VIEW", ((64, 2), (64, 4), (128, 2), (256, 2))))
               for most, n in numbers),
             Rung("graded mesh of 4 px: finer ground", {

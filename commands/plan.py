@@ -9,7 +9,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from ..number_text import count_of
 from ..physics.camera.stereo_geometry import centre_advice
+from ..physics.scene_requirements import bake_advice
 from ..render.cost.abilities import find_lack, needs_full_build
 from ..render.cost.estimate import estimate
 from ..render.cost.speed import recall_speed
@@ -114,7 +116,7 @@ def _print_estimate(plan: Plan, pairs: Sequence[PlannedPair], options: argparse.
     # One image size mostly, so the same sentence of most pairs.
     centred = dict.fromkeys(said for pair in pairs for said in centre_advice(pair.settings.rig))
     lines = [*lack, *found.lines(), *told, *plan.describe_stand_ins(), *list(centred)[:_MOST_ADVICE],
-             *_refusal_lines(plan)]
+             *_bake_lines(pairs), *_refusal_lines(plan)]
     if options.json:
         emit("result", plan=str(plan.path), title=plan.title, unchecked=unchecked, **found.to_json() | {"lines": lines})
         return
@@ -135,6 +137,12 @@ def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) ->
     if any(map(needs_full_build, missing)):
         return ["Not every Blender can render it; name the one that is to with --blender, and it is asked."]
     return []
+
+
+def _bake_lines(pairs: Sequence[PlannedPair]) -> list[str]:
+    """A line on the pairs whose light is baked with too few samples; none if there are none."""
+    found = [said for pair in pairs for said in bake_advice(pair.settings)]
+    return [f"In {len(found)} of {count_of(len(pairs), 'pair')}: {found[0]}"] if found else []
 
 
 def _refusal_lines(plan: Plan) -> list[str]:

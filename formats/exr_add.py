@@ -6,11 +6,11 @@ Only the passes whose light changes are decoded; other parts stay as they are.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from ..labels import BAKED_AOVS, BEAUTY, GROUP_PASSES, IMAGE_PASS
+from ..labels import BAKED_AOVS, BAKED_ERROR_PASSES, BEAUTY, GROUP_PASSES, IMAGE_PASS
 from .exr_parts import Piece
 from .exr_pixels import Pixels
 
@@ -60,6 +60,29 @@ def add_baked(image: Sequence[Piece]) -> tuple[list[Piece], dict[str, float]]:
     lit, total = _add(image, {IMAGE_PASS: whole, **added})
     return lit, {group: sum(float(values.sum(dtype=np.float64)) for values in bands.values()) / total
                    if total > 0 else 0.0 for group, bands in light.items()}
+
+
+def noise_of_baked(image: Sequence[Piece]) -> float | None:
+    """The noise of baked light over all light, in the parts of a file that ``add_baked`` returned, which still have
+    baked light: the root mean square of its error over the mean radiance, both of the pixels that have baked light.
+
+    None where no pixel has any. Raises as ``add_planet`` does.
+    """
+    parts = [Pixels(piece) for piece in image]
+    decoded = [part.decode() for part in parts]
+
+    def total(wanted: Collection[str]) -> np.ndarray:
+        """The sum of the channels of some passes but for alpha, (height, width)."""
+        return np.sum([values[:, k] for part, values in zip(parts, decoded, strict=True)
+                       for k, name in enumerate(part.channels)
+                       if ".".join(name.split(".")[:2]) in wanted and name[-1] != "A"], axis=0, dtype=np.float64)
+
+    lit = total({f"{BEAUTY}.{name}" for name in BAKED_AOVS.values()}) > 0
+    light = total({IMAGE_PASS})[lit].sum() / 3
+    if light <= 0:
+        return None
+    error = total(set(BAKED_ERROR_PASSES.values()))[lit]
+    return float(np.sqrt(np.mean(error ** 2)) * error.size / light)
 
 
 def is_sum_of_lights(image: Sequence[Piece]) -> bool:

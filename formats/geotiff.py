@@ -244,6 +244,8 @@ def _place(shape: tuple[int, int], step: tuple[float, float], corner: tuple[floa
     report: list[str] = []
     warnings: list[str] = []
     if map_of.system is not None and place.scale != (1.0, 1.0):
+        assert place.latitude_deg is not None
+        assert place.longitude_deg is not None
         where = show_place(place.latitude_deg, place.longitude_deg, ".4f")
         report.append(f"Map ({map_of.system.name}) at {where}: a metre of it is {place.scale[0]:.6g} m of ground along "
                       f"x, {place.scale[1]:.6g} m along y")

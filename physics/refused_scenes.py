@@ -27,7 +27,7 @@ from .light.directions import camera_axes
 from .light.sky import check_body, sky
 from .rocks.size_laws import size_law
 from .rocks.table import TABLE
-from .scene_requirements import surface_topics
+from .scene_requirements import bake_advice, surface_topics
 from .surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
 from .surfaces.photometry import hemispherical_albedo
 from .terrain.sites import RockyGround, make_rocky_ground
@@ -91,6 +91,7 @@ def scene_advice(settings: Settings) -> list[str]:
                     f"rig.pitch_deg ({rig.pitch_deg:g}°).")
     if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRID":
         said += coarse_advice(rig, patch.size_m / (patch.resolution - 1))
+    said += bake_advice(settings)
     dug = excavation.advice(settings)
     return said + dug + (reach.advice(settings) if not excavation.find_reasons(settings) else [])
 

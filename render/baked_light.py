@@ -23,7 +23,7 @@ import numpy as np
 
 from .. import compat
 from ..errors import IcyMoonError
-from ..labels import BAKED_ATTRIBUTES, NOT_BAKED
+from ..labels import BAKED_ATTRIBUTES, BAKED_ERROR_ATTRIBUTES, NOT_BAKED
 from ..nodes.datablocks.fingerprint import added_objects
 from ..nodes.rig import turn_about_eye
 from ..nodes.scene import Built
@@ -42,8 +42,8 @@ from .pairs.baked_file import BakedLight
 from .plans.planned_pair import PlannedPair
 from .workers.shared_light import KeptLight, SharedLight
 
-#: Raise this number when the same settings are baked in another way.
-_SCHEME = 4
+#: Raise this number when the same settings are baked in another way, or files of baked light contain more.
+_SCHEME = 5
 #: Samples of each half of the first two bakes, whose difference shows how many it takes.
 _FIRST = 8
 #: Height above the ground of the eye from which the share of indirect light is found, m: that of a mast.
@@ -72,16 +72,17 @@ class Indirect:
     tried: Mapping[str, KeptLight] = field(default_factory=dict)
     spent_s: float = 0.0
 
-    def to_json(self, shares: Mapping[str, Mapping[str, float]]) -> dict[str, Any] | None:
-        """What ``pair.json`` states, with the shares of baked light in the images by eye and light group; None if
-        nothing was asked."""
+    def to_json(self, shares: Mapping[str, Mapping[str, float]], noise_of_image: float | None) -> dict[str, Any] | None:
+        """What ``pair.json`` states, with the shares of baked light in the images by eye and light group, and its noise
+        over all light in the left one; None if nothing was asked."""
         if not self.lights:
             tried = {group: {"file": kept.file, "sha256": kept.sha256} for group, kept in self.tried.items()}
             stated = {"method": "TRACED", "why": self.why_traced, **({"tried": tried} if tried else {})}
             return stated if self.why_traced else None
         share = {group: sum(of[group] for of in shares.values()) / max(len(shares), 1) for group in self.lights}
         noise = math.hypot(*(share[group] * kept.light.noise for group, kept in self.lights.items()))
-        return {"method": "BAKED", "share": round(sum(share.values()), 5), "noise": round(noise, 5),
+        of_image = {} if noise_of_image is None else {"noise_of_image": round(noise_of_image, 5)}
+        return {"method": "BAKED", "share": round(sum(share.values()), 5), "noise": round(noise, 5), **of_image,
                 "lights": {group: kept.to_json(share[group]) for group, kept in self.lights.items()}}
 
     def why_unfit(self, stated: dict[str, Any] | None, limit: float) -> str:
@@ -118,13 +119,15 @@ def provide(built: Built, scene: bpy.types.Scene, planned: PlannedPair, shared: 
     seen = find_seen(built, planned) if settings.quality.bake_area == "VIEW" else None
     unlit = np.zeros(len(mesh.vertices), bool) if seen is None else ~_vertices_of(mesh, seen)
     for group in BAKED_ATTRIBUTES.keys() - shining.keys():
-        _show(mesh, group, np.zeros((len(mesh.vertices), 3), np.float32))
+        _show(mesh, BAKED_ATTRIBUTES[group], np.zeros((len(mesh.vertices), 3), np.float32))
+        _show(mesh, BAKED_ERROR_ATTRIBUTES[group], np.zeros(len(mesh.vertices), np.float32))
         if built.rocks is not None:
             baked_rocks.show(built.rocks, group, np.zeros((len(built.rocks.data.vertices), TERMS, 3), np.float32))
     for group, dark in shining.items():
         lights[group], seconds = _find_or_bake(built, scene, settings, shared, group, dark, seen)
         found = lights[group].light
-        _show(mesh, group, np.where(unlit[:, None], np.float32(NOT_BAKED), found.values))
+        _show(mesh, BAKED_ATTRIBUTES[group], np.where(unlit[:, None], np.float32(NOT_BAKED), found.values))
+        _show(mesh, BAKED_ERROR_ATTRIBUTES[group], found.error)
         if built.rocks is not None:
             baked_rocks.show(built.rocks, group, found.rocks)
         spent += seconds
@@ -203,8 +206,9 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, 
     see ``BakedLight``.
 
     Only vertices of facets that are ``seen`` (facets,) get light, and others have 0. It is baked in two halves of other
-    seeds, whose difference is the noise: first with few samples, then with as many more as the noise allows. Raises
-    IcyMoonError if Cycles cannot bake.
+    seeds, whose difference is the noise: first with few samples, then with as many more as the noise allows. Half of
+    that difference has the variance of the error of their mean, and so has what is interpolated between vertices.
+    Raises IcyMoonError if Cycles cannot bake.
     """
     start = time.process_time()
     quality = settings.quality
@@ -242,10 +246,12 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, 
     scene.render.use_persistent_data, scene.render.use_multiview = kept
     values = np.zeros((len(lit), 3), np.float32)
     values[lit] = np.maximum((halves[0] + halves[1]) / 2, 0.0)
+    error = np.zeros(len(lit), np.float32)
+    error[lit] = (halves[0] - halves[1]).mean(axis=1) / 2
     mean = float(values[lit].mean(dtype=np.float64)) if lit.any() else 0.0
     total = mean + (float(direct.mean(dtype=np.float64)) if lit.any() else 0.0)
-    return BakedLight(values, numbers, noise_of(halves, triangles), mean / total if total > 0 else 0.0, 2 * count,
-                      time.process_time() - start)
+    return BakedLight(values, error, numbers, noise_of(halves, triangles), mean / total if total > 0 else 0.0,
+                      2 * count, time.process_time() - start)
 
 
 @contextmanager
@@ -323,17 +329,17 @@ def _run_bake(scene: bpy.types.Scene, item: bpy.types.Object, kind: str) -> None
         raise IcyMoonError(f"Cycles could not bake the light of the ground{why}; set quality.indirect to TRACED.")
 
 
-def _show(mesh: bpy.types.Mesh, group: str, values: np.ndarray) -> None:
-    """Let a mesh carry baked light (n, 3) of a light group, unless it does; a change makes Cycles build its tree
-    again."""
-    name = BAKED_ATTRIBUTES[group]
+def _show(mesh: bpy.types.Mesh, name: str, values: np.ndarray) -> None:
+    """Let the vertices of a mesh carry vectors (n, 3) or numbers (n,) of a name, unless they do; a change makes Cycles
+    build its tree again."""
     there = mesh.attributes.get(name)
     if there is None and not values.any():
         return
+    kind, key = ("FLOAT_VECTOR", "vector") if values.ndim > 1 else ("FLOAT", "value")
     if there is None:
-        there = mesh.attributes.new(name, "FLOAT_VECTOR", "POINT")
+        there = mesh.attributes.new(name, kind, "POINT")
     now = np.empty(values.size, np.float32)
-    there.data.foreach_get("vector", now)
-    if not np.array_equal(now.reshape(-1, 3), values):
-        there.data.foreach_set("vector", np.ascontiguousarray(values).reshape(-1))
+    there.data.foreach_get(key, now)
+    if not np.array_equal(now.reshape(values.shape), values):
+        there.data.foreach_set(key, np.ascontiguousarray(values).reshape(-1))
         mesh.update()

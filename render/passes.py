@@ -12,7 +12,7 @@ from pathlib import Path
 import bpy
 
 from .. import compat
-from ..labels import BAKED_AOVS, BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
+from ..labels import BAKED_AOVS, BAKED_ERROR_AOVS, BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
 
 _SUFFIX = {"left": "_L", "right": "_R"}
 
@@ -27,7 +27,8 @@ def _enable_passes(layer: bpy.types.ViewLayer, *passes: str) -> None:
 
 def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = False) -> None:
     """Give a new scene what all its renders have: stereo views, file output (32-bit multilayer OpenEXR, a file for each
-    eye), value passes, with ``baked`` those of baked light and, with ``light_groups``, a pass for each group.
+    eye), value passes, with ``baked`` those of baked light and its error and, with ``light_groups``, a pass for each
+    group.
 
     The passes must stay as they are as long as Cycles keeps the scene: its shaders write them without asking again
     whether they are wanted.
@@ -35,8 +36,9 @@ def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = Fals
     layer = scene.view_layers[0]
     layer.material_override = None
     layer.samples = 0  # as many as the scene has
-    light = [name for group, name in BAKED_AOVS.items() if light_groups or group == "Sun"] if baked else []
-    for name, kind in ((NORMAL_AOV, "COLOR"), (INSTANCE_AOV, "VALUE"), *((name, "COLOR") for name in light)):
+    light = [(names[group], kind) for names, kind in ((BAKED_AOVS, "COLOR"), (BAKED_ERROR_AOVS, "VALUE"))
+             for group in names if light_groups or group == "Sun"] if baked else []
+    for name, kind in ((NORMAL_AOV, "COLOR"), (INSTANCE_AOV, "VALUE"), *light):
         aov = layer.aovs.add()
         aov.name, aov.type = name, kind
     for group in LIGHT_GROUPS if light_groups else ():
@@ -88,4 +90,5 @@ def choose_layer(scene: bpy.types.Scene, name: str, stem: Path, truth: str) -> d
 #: truth's one sample, the image before the denoiser, and baked light, which has been added to the image.
 UNWANTED = {*(f"{BEAUTY}.{name}" for name in (NORMAL_AOV, INSTANCE_AOV)), f"{TRUTH}.Combined",
             *(f"{layer}.{name}" for layer in (BEAUTY, TRUTH) for name in BAKED_AOVS.values()),
+            *(f"{TRUTH}.{name}" for name in BAKED_ERROR_AOVS.values()),
             *(f"{TRUTH}.Combined_{group}" for group in LIGHT_GROUPS), f"{BEAUTY}.Noisy Image"}

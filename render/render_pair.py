@@ -17,11 +17,11 @@ import numpy as np
 from .. import system
 from ..errors import DiskError, IcyMoonError
 from ..files import explain_disk_errors, part_of, sha256, write_json
-from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights
+from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights, noise_of_baked
 from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import Piece, assemble, join_layers, read_pieces
 from ..formats.exr_pixels import compress, drop_passes, round_passes
-from ..labels import BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
+from ..labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
 from ..nodes.datablocks.fingerprint import built_objects
 from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
@@ -63,6 +63,8 @@ _ROOM_WHILE_WRITING = 4 * 48
 #: Most triangles that Cycles' data is kept for between two renders: half a gigabyte more than without.
 MOST_KEPT_TRIANGLES = 8_000_000
 _TRACED = Indirect()
+#: The eye on whose pixels the noise of a pair is judged: its file alone has the error of baked light.
+_JUDGED = "left"
 
 
 @contextmanager
@@ -200,6 +202,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     rounded = rounded_passes(quality.files, quality.half_floats)
     files: dict[str, dict[str, Path]] = {}
     shares: dict[str, dict[str, float]] = {}
+    noise_of_image = None
     start = time.perf_counter()
     with turn_about_eye(built.camera, planned.turn_deg), _turn_head(built, planned.turn_deg):
         cycles_settings.apply(scene, quality, planned.render_seed, blur is not None, clear_rocks(settings))
@@ -243,14 +246,17 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
     for name, layers in sorted(files.items()):
         with _report_unreadable(planned):
             found = _read_layers(layers, part / name)
+            unwanted = {*BAKED_ERROR_PASSES.values()}
             if indirect.lights and BEAUTY in found:
                 found[BEAUTY], shares[Path(name).stem] = add_baked(found[BEAUTY])
-            written[name] = _write_layers(found, part / name, rounded, quality.files == "COMPACT")
+                if name == f"{_JUDGED}.exr":
+                    noise_of_image, unwanted = noise_of_baked(found[BEAUTY]), set()
+            written[name] = _write_layers(found, part / name, rounded, quality.files == "COMPACT", unwanted)
     if settings.workspace.cell_m > 0:
         written[WORKSPACE_FILE] = _fact_of(part / WORKSPACE_FILE)
     return {**pair_json(built, planned, poses, light, written, {
         "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
-        "write": round(time.perf_counter() - start, 3)}, quality.denoiser, indirect.to_json(shares)),
+        "write": round(time.perf_counter() - start, 3)}, quality.denoiser, indirect.to_json(shares, noise_of_image)),
         **({"truth": engine} if engine else {}), **lander_json(built, settings, poses, part)}
 
 
@@ -361,15 +367,17 @@ def _read_layers(written: dict[str, Path], final: Path) -> dict[str, list[Piece]
     return found
 
 
-def _write_layers(layers: dict[str, list[Piece]], final: Path, rounded: set[str], compact: bool) -> dict[str, Any]:
+def _write_layers(layers: dict[str, list[Piece]], final: Path, rounded: set[str], compact: bool,
+                  unwanted: set[str]) -> dict[str, Any]:
     """Put layers into one file, flush it and return its size and checksum.
 
-    The passes ``rounded`` are stored as 16-bit floats. A ``compact`` file has no image that is the sum of its lights.
+    The passes ``rounded`` are stored as 16-bit floats, those ``unwanted`` are left out. A ``compact`` file has no image
+    that is the sum of its lights.
     """
     twice = {IMAGE_PASS} if compact and BEAUTY in layers and is_sum_of_lights(layers[BEAUTY]) else set[str]()
 
     def less(piece: Piece) -> Piece | None:
-        kept = drop_passes(piece, passes.UNWANTED | twice)
+        kept = drop_passes(piece, passes.UNWANTED | twice | unwanted)
         return kept and compress(round_passes(kept, rounded))
 
     data = join_layers(layers, less)
@@ -377,7 +385,6 @@ def _write_layers(layers: dict[str, list[Piece]], final: Path, rounded: set[str]
         final.write_bytes(data)
         system.flush(final)
     return _fact_of(final)
-
 
 
 def _fact_of(file: Path) -> dict[str, Any]:

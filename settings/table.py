@@ -1109,7 +1109,8 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
                       "place in one direction share it, so for few images"))),
     Setting("bake_samples", "Bake Samples", 256,
             "Maximum number of light paths per corner of the ground's mesh for baked light. Fewer are taken where "
-            "quality.bake_noise is reached before", "sampling", "samples", 4, 65536, (16, 1024)),
+            "quality.bake_noise is reached before. With less than 64, matchers look better than they are",
+            "sampling", "samples", 4, 65536, (64, 1024)),
     Setting("bake_noise", "Bake Noise", 0.01,
             "Noise of baked light over all light at which it gets no more samples, and above which an image is traced "
             "after all. It passes for texture, so keep it under the noise of the sensor. 0 for no limit",

@@ -1,4 +1,4 @@
-"""Passes of light that was baked to ground and rocks: radiance by the light of each light group.
+"""Passes of light that was baked to ground and rocks: radiance by the light of each light group, and its error.
 
 They are passes and no emission, since a ground that gives light lights itself: images would be 5 to 13 % too bright.
 """
@@ -7,13 +7,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...labels import BAKED_AOVS, BAKED_ATTRIBUTES
+from ...labels import BAKED_AOVS, BAKED_ATTRIBUTES, BAKED_ERROR_AOVS, BAKED_ERROR_ATTRIBUTES
 from ..tree.builder import Tree
 from ..tree.formula import Number
 
 
 def add_baked_passes(tree: Tree, reflectance: Any, rock: bool) -> None:
-    """Add the passes ``BAKED_AOVS`` to a material of the ground, or of rocks, with this reflectance."""
+    """Add the passes ``BAKED_AOVS`` to a material of the ground, or of rocks, with this reflectance, and
+    ``BAKED_ERROR_AOVS`` to one of the ground.
+
+    Twelve numbers of a rock hold no noise from place to place, so rocks have no error.
+    """
     level = (reflectance,) * 3 if isinstance(reflectance, float) else reflectance
     terms = _add_terms(tree) if rock else []
     for group, attribute in BAKED_ATTRIBUTES.items():
@@ -22,6 +26,18 @@ def add_baked_passes(tree: Tree, reflectance: Any, rock: bool) -> None:
             "Vector": light, "Vector_001": level}, operation="MULTIPLY").outputs[0]
         tree.node("ShaderNodeOutputAOV", f"Baked Pass of {group}", {"Color": seen, "Value": 0.0},
                   aov_name=BAKED_AOVS[group])
+        if not rock:
+            _add_error(tree, group, level)
+
+
+def _add_error(tree: Tree, group: str, level: Any) -> None:
+    error = _attribute(tree, f"{group}, Error", "GEOMETRY", BAKED_ERROR_ATTRIBUTES[group])
+    seen = tree.node("ShaderNodeVectorMath", f"Error of Baked Light of {group}", {
+        "Vector": error, "Vector_001": level}, operation="MULTIPLY").outputs[0]
+    mean = tree.node("ShaderNodeVectorMath", f"Mean Error of {group}", {
+        "Vector": seen, "Vector_001": (1 / 3,) * 3}, operation="DOT_PRODUCT").outputs["Value"]
+    tree.node("ShaderNodeOutputAOV", f"Error Pass of {group}", {"Color": (0.0,) * 4, "Value": mean},
+              aov_name=BAKED_ERROR_AOVS[group])
 
 
 def _attribute(tree: Tree, group: str, kind: str, name: str) -> Any:

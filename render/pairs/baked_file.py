@@ -1,9 +1,9 @@
 """Files of baked light beside the pairs of a data set, for all its workers and resumed runs. Imports no Blender.
 
 A file is ``light/KEY-CONTENT.npz``: the key of what was baked, and the first digits of the SHA-256 checksum of the
-file. So a file that changes no longer has its name. Files of older versions are called ``light/KEY.npz``. A file
-contains numbers only. A link, a file that lacks what its key asks for, and a file with another checksum than its
-reader expects count as absent.
+file. So a file that changes no longer has its name. Files of older versions are called ``light/KEY.npz``, and those
+that lack the error have other keys: nobody reads them any more. A file contains numbers only. A link, a file that lacks
+what its key asks for, and a file with another checksum than its reader expects count as absent.
 """
 
 from __future__ import annotations
@@ -27,9 +27,7 @@ LIGHT = "light"
 _NAME = re.compile(r"([0-9a-f]{12})(?:-([0-9a-f]{12}))?\.npz")
 _CONTENT_DIGITS = 12
 _NUMBERS = ("noise", "share", "samples")
-#: Only in older files: two bakes of the same light differ in it.
-_SECONDS = "cpu_seconds"
-_ARRAYS = ("key", "values", "rocks")
+_ARRAYS = ("key", "values", "error", "rocks")
 #: Bytes of a file beside its values: headers of members and of their arrays.
 _HEADERS = 2**16
 
@@ -38,12 +36,15 @@ _HEADERS = 2**16
 class BakedLight:
     """Indirect irradiance over pi at the vertices of a ground, (n, 3) float32, W/(m² sr) in the bands R, G, B.
 
-    ``rocks`` (rocks, terms, 3) float32 are the numbers of ``physics.light.baked_rocks`` for the same on rocks.
-    ``noise`` is its standard error over its mean, from two halves of the ``samples``. ``share`` is its mean over that
-    of all light at the vertices. ``cpu_seconds`` is what it took, which files do not contain.
+    ``error`` (n,) float32 is an error with the variance of that of ``values``, the mean of the bands: half of the
+    difference of two bakes of half the samples. ``rocks`` (rocks, terms, 3) float32 are the numbers of
+    ``physics.light.baked_rocks`` for the same on rocks. ``noise`` is the standard error over the mean, from the same
+    two bakes of the ``samples``. ``share`` is the mean over that of all light at the vertices. ``cpu_seconds`` is what
+    it took, which files do not contain.
     """
 
     values: np.ndarray
+    error: np.ndarray
     rocks: np.ndarray
     noise: float
     share: float
@@ -70,7 +71,7 @@ def encode(key: str, light: BakedLight) -> bytes:
     stream = io.BytesIO()
     numbers = {name: np.float64(getattr(light, name)) for name in _NUMBERS}
     np.savez_compressed(stream, key=np.array(key, "S12"), values=light.values.astype("<f4"),
-                        rocks=light.rocks.astype("<f4"), **numbers)
+                        error=light.error.astype("<f4"), rocks=light.rocks.astype("<f4"), **numbers)
     return stream.getvalue()
 
 
@@ -93,11 +94,11 @@ def _write_bytes(part: Path, data: bytes) -> None:
 
 
 def read(path: Path, key: str, checksum: str, vertices: int, rocks: int = 0) -> BakedLight | None:
-    """The baked light of a ground of so many vertices and rocks, with ``cpu_seconds`` 0 unless the file states them.
+    """The baked light of a ground of so many vertices and rocks, with ``cpu_seconds`` 0, which no file states.
 
     None if there is no such file with this SHA-256 checksum, or it does not hold such light.
     """
-    most = 12 * (vertices + TERMS * rocks) + _HEADERS
+    most = 16 * vertices + 12 * TERMS * rocks + _HEADERS
     data = _read_unchanged(path, checksum, most)
     if data is None:
         return None
@@ -121,10 +122,10 @@ def _read_unchanged(path: Path, checksum: str, most: int) -> bytes | None:
 
 def _parse(foreign: ForeignBytes, key: str, vertices: int, rocks: int) -> BakedLight:
     found = parse_npz(foreign, kinds="fS")
-    if found.keys() - {_SECONDS} != {*_NUMBERS, *_ARRAYS}:
+    if found.keys() != {*_NUMBERS, *_ARRAYS}:
         raise ValueError("other members")
-    shapes = {"key": (), "values": (vertices, 3), "rocks": (rocks, TERMS, 3)}
-    types = {"key": np.dtype("S12"), "values": np.dtype("<f4"), "rocks": np.dtype("<f4")}
+    shapes = {"key": (), "values": (vertices, 3), "error": (vertices,), "rocks": (rocks, TERMS, 3)}
+    types = {"key": np.dtype("S12"), **dict.fromkeys(("values", "error", "rocks"), np.dtype("<f4"))}
     for name, array in found.items():
         if array.shape != shapes.get(name, ()) or array.dtype != types.get(name, np.dtype("<f8")):
             raise ValueError(f"{name} of another shape or type")
@@ -133,5 +134,5 @@ def _parse(foreign: ForeignBytes, key: str, vertices: int, rocks: int) -> BakedL
     if found["key"][()] != key.encode() or (found["values"] < 0).any():
         raise ValueError("light of another key, or below 0")
     noise, share, samples = (float(found[name]) for name in _NUMBERS)
-    seconds = float(found.get(_SECONDS, 0.0))
-    return BakedLight(np.array(found["values"]), np.array(found["rocks"]), noise, share, int(samples), seconds)
+    values, error, rocks_numbers = (np.array(found[name]) for name in ("values", "error", "rocks"))
+    return BakedLight(values, error, rocks_numbers, noise, share, int(samples), 0.0)

@@ -18,7 +18,7 @@ from ...number_text import count_of, show_rounded
 from ...support.foreign_bytes import parse_toml
 from ...version import version
 from ..matchers.methods import describe_method
-from ..measure.render_noise import DECIDES
+from ..measure.render_noise import BAKE, DECIDES, UNKNOWN
 from ..report import comparisons
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg
 from ..report.pages import read_template
@@ -284,10 +284,17 @@ def find_notes(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, A
         notes.append(f"Cells have too few pixels of these images: even the true depth knows only "
                      f"{100 * np.mean(known):.0f} % of those that the left image shows; raise workspace.cell_m, or "
                      "--cell-m for pairs without true heights.")
-    by_noise = sum((fact.get("noise") or {}).get("verdict") == DECIDES for fact in facts)
-    if by_noise:
+    noises = [fact.get("noise") or {} for fact in facts]
+    by_bake = sum(noise.get("verdict") == DECIDES and noise.get("larger") == BAKE for noise in noises)
+    if by_noise := sum(noise.get("verdict") == DECIDES for noise in noises) - by_bake:
         notes.append(f"Noise of the render decides the result in {by_noise} of {all_pairs}: heights are rougher "
                      "than those of a camera's own noise, and sites look less safe; raise quality.samples.")
+    if by_bake:
+        notes.append(f"Noise of baked light decides the result in {by_bake} of {all_pairs}: matchers take it for "
+                     "texture, so heights look better than they are; raise quality.bake_samples.")
+    if unknown := sum(noise.get("verdict") == UNKNOWN for noise in noises):
+        notes.append(f"The noise of baked light is unknown in {unknown} of {all_pairs}, which an older version of Icy "
+                     "Moon rendered: heights may look better than they are; render them again into another data set.")
     suspect = sorted({row["pair"] for row in rows if row["status"] == "suspect"})
     if suspect:
         notes.append(f"No mean contains {count_of(len(suspect), 'pair')} whose eyes contradict each other or the "

@@ -23,6 +23,8 @@ from ...errors import IcyMoonError
 from ...formats.exr_layout import KIND, MOST_BYTES, check_decodable
 from ...formats.exr_pixels import decode_parts
 from ...labels import (
+    BAKED_ERROR_AOVS,
+    BAKED_ERROR_PASSES,
     BEAUTY,
     GROUP_PASSES,
     HIDDEN,
@@ -115,6 +117,17 @@ def read_light(path: Path, eye: str | None = None, groups: bool = True, rows: ra
     than ``read_view`` if the file has a part for each pass."""
     passes = [IMAGE_PASS, *(GROUP_PASSES if groups else ())]
     return _light(_read_channels(path, eye, passes, rows=rows), path, groups)
+
+
+def read_baked_error(path: Path, eye: str | None = None) -> dict[str, np.ndarray]:
+    """The error of baked light by its light group, float64 (H, W), see ``labels.BAKED_ERROR_AOVS``; empty if the file
+    has none.
+
+    Raises IcyMoonError if the file is missing or damaged.
+    """
+    channels = _read_channels(path, eye, BAKED_ERROR_PASSES.values())
+    return {group: channels[BEAUTY, name, "X"].astype(np.float64) for group, name in BAKED_ERROR_AOVS.items()
+            if (BEAUTY, name, "X") in channels}
 
 
 def _light(channels: _Channels, path: Path, groups: bool) -> Light:

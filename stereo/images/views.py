@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import fields, replace
 from typing import Any, TypeVar
 
@@ -12,6 +12,7 @@ from ...errors import IcyMoonError
 from ...labels import GROUP_PASSES
 from ...render.pairs.pair_folder import Pair
 from ...typed_settings import RigSettings
+from . import exr
 from .disparity_and_occlusion import scene_depth
 from .exr import Light, Truth, View, read_light, read_truth, read_view
 from .lens import lens_of
@@ -39,6 +40,20 @@ def read_eye(pair: Pair, eye: str, without: Collection[str] = ()) -> tuple[Light
                        real.hidden)
 
 
+def read_baked_error(pair: Pair, eye: str) -> dict[str, np.ndarray]:
+    """The error of an eye's baked light by light group, float64 (H, W) on the parallel rig, in W/(m² sr) of the mean of
+    the bands: what an error as large as that of the light looks like. Empty where none is stored.
+
+    Raises IcyMoonError with the name of the file if it is damaged or of another size than its camera.
+    """
+    path = pair.image(eye)
+    found = exr.read_baked_error(path, eye)
+    for error in found.values():
+        _check_size(pair, path, error)
+    turn = _turn_to_parallel(pair, eye)
+    return {group: turn(error) for group, error in found.items()}
+
+
 def read_sensor_depth(pair: Pair, eye: str, rig: RigSettings) -> np.ndarray:
     """Read the depth at the pixels of an eye's sensor, along the eye's own axis: metres, float32 (H, W), NaN for
     none."""
@@ -51,10 +66,15 @@ def read_sensor_depth(pair: Pair, eye: str, rig: RigSettings) -> np.ndarray:
 
 
 def _on_parallel_rig(light: Light, pair: Pair, eye: str) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    turn = _turn_to_parallel(pair, eye)
+    return turn(light.radiance), {group: turn(radiance) for group, radiance in light.groups.items()}
+
+
+def _turn_to_parallel(pair: Pair, eye: str) -> Callable[[np.ndarray], np.ndarray]:
+    """A function that puts an image of an eye's rendered pixels on the parallel rig."""
     plain = RigSettings({f"distortion_{name}": 0.0 for name in ("k1", "k2", "p1", "p2", "k3")})
     lens = lens_of(pair.camera, plain, eye)
-    turn = pair.camera.cropped if lens is None else lens.rectify_radiance
-    return turn(light.radiance), {group: turn(radiance) for group, radiance in light.groups.items()}
+    return pair.camera.cropped if lens is None else lens.rectify_radiance
 
 
 def _cropped(images: _Images, pair: Pair) -> _Images:

@@ -183,9 +183,10 @@ def _find_zoom(stated: np.ndarray, camera: StereoCamera, places: Places) -> floa
     across, down = (camera.cx_px - first) / places.step, (camera.cy_px - first) / places.step
     best, least = None, math.inf
     for zoom in _ZOOMS:
-        other = cv2.remap(stated.astype(np.float32), np.float32(across) + zoom * (columns - across).astype(np.float32),
-                          np.float32(down) + zoom * (rows - down).astype(np.float32), cv2.INTER_NEAREST,
-                          borderMode=cv2.BORDER_CONSTANT, borderValue=math.nan)
+        x, y = (np.asarray(middle + zoom * (each - middle), np.float32)
+                for middle, each in ((across, columns), (down, rows)))
+        other = cv2.remap(stated.astype(np.float32), x, y, cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT,
+                          borderValue=[math.nan])
         with np.errstate(invalid="ignore"):
             both = np.isfinite(other) & np.isfinite(stated) & np.isfinite(places.left)
             differs = both & (np.abs(other - stated) > _DIFFERENT_PX)

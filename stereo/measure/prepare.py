@@ -13,7 +13,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...formats.geotiff import map_facts
-from ...labels import GROUP_PASSES, LIGHT_GROUPS, NOT_SEEN
+from ...labels import BAKED_ERROR_PASSES, GROUP_PASSES, LIGHT_GROUPS, NOT_SEEN
 from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import (
     EYES,
@@ -30,7 +30,7 @@ from ..images.develop import Channels, Images, develop, exposure_facts, grey, sc
 from ..images.disparity_and_occlusion import ESTIMATED, RAYS, scene_depth
 from ..images.exr import NORMAL_PASSES, OBJECT_PASSES, Light, View
 from ..images.lens import lens_of
-from ..images.views import read_eye
+from ..images.views import read_baked_error, read_eye
 from .by_pixel_class import Cells, classify, texture
 from .depth_order import TrueOrder
 from .metrics import by_confidence, usable
@@ -154,8 +154,8 @@ def prepare(folder: Path, response: Mapping[str, Mapping[str, Any]]) -> Prepared
                        sun.direction.tolist() if sun else None, loaded.images.blocked.get("left"))
     scale = colours.depth_scale(truth)
     facts = _facts(loaded.pair, loaded.settings, loaded.images, truth, visible)
-    noise = render_noise(_noise_free_level(loaded, "left"), _noise_free_level(loaded, "right"),
-                         loaded.pair.camera.disparity(truth), visible)
+    noise = render_noise(noise_free_level(loaded, "left"), noise_free_level(loaded, "right"),
+                         loaded.pair.camera.disparity(truth), visible, baked_error(loaded))
     facts |= {"depth_scale_m": [scale.low, scale.high], "self_check": loaded.check.to_json(),
               "noise": noise.to_json(), "occlusion": ESTIMATED if view.hidden is None else RAYS,
               "baked": _baked_facts(loaded.pair)}
@@ -167,22 +167,39 @@ def _baked_facts(pair: Pair) -> dict[str, float] | None:
     stated = pair.data.get("indirect")
     if not isinstance(stated, dict) or stated.get("method") != "BAKED":
         return None
-    numbers = {key: stated.get(key) for key in ("noise", "share")}
+    # Pairs of older versions state only what the noise would be if it were the same all over the ground.
+    numbers = {"noise": stated.get("noise_of_image", stated.get("noise")), "share": stated.get("share")}
     return {key: float(value) for key, value in numbers.items() if isinstance(value, (int, float))} | {
         "bound": float(pair.settings.quality.bake_noise)}
 
 
 def _unneeded(eye: str, settings: Settings) -> tuple[str, ...]:
-    """The passes of an eye that are not needed for measuring. Light groups are only needed to scale them."""
+    """The passes of an eye that are not needed for measuring, or are read by themselves. Light groups are only needed
+    to scale them."""
     scaled = any(settings.light[key] != 1 for key in LIGHT_GROUPS.values())
-    return OBJECT_PASSES + (() if scaled else GROUP_PASSES) + (() if eye == "left" else NORMAL_PASSES)
+    return (*OBJECT_PASSES, *BAKED_ERROR_PASSES.values(), *(() if scaled else GROUP_PASSES),
+            *(() if eye == "left" else NORMAL_PASSES))
 
 
-def _noise_free_level(loaded: Loaded, eye: str) -> np.ndarray:
-    """An eye's image as the matchers see it, in grey levels of 255, without noise and rounding of the sensor."""
+def baked_error(loaded: Loaded) -> np.ndarray | float | None:
+    """What an error as large as that of baked light adds to the left image of the matchers, in grey levels of 255: 0 if
+    no light is baked, None if the pair does not contain it."""
+    if _baked_facts(loaded.pair) is None:
+        return 0.0
+    errors = read_baked_error(loaded.pair, "left")
+    if not errors or not all(np.isfinite(error).all() for error in errors.values()):
+        return None
+    error = np.sum([loaded.settings.light[LIGHT_GROUPS[group]] * each for group, each in errors.items()], axis=0)
+    return noise_free_level(loaded, "left", error) - noise_free_level(loaded, "left")
+
+
+def noise_free_level(loaded: Loaded, eye: str, more: np.ndarray | float = 0.0) -> np.ndarray:
+    """An eye's image as the matchers see it, with ``more`` light (H, W) in all bands, in grey levels of 255, without
+    noise and rounding of the sensor."""
     settings = loaded.settings
     channels = Channels(settings.light, settings.sensor, pixel_pitch_m(settings.sensor, settings.rig))
-    level = channels.matcher_level(scaled_radiance(loaded.views[eye], loaded.pair, settings.light),
+    radiance = scaled_radiance(loaded.views[eye], loaded.pair, settings.light)
+    level = channels.matcher_level(radiance + np.asarray(more)[..., None] if np.ndim(more) else radiance,
                                    loaded.images.saturation_radiance)
     return np.asarray(255 * (np.sqrt(level) if loaded.images.encoding == "SQUARE_ROOT" else level))
 

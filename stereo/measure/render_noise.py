@@ -1,8 +1,11 @@
-"""How much the noise of the render hides of a pair's texture, from its two eyes and the truth.
+"""How much the noise of the render hides of a pair's texture, from its two eyes, the truth and the error of its bake.
 
 The right image is warped to the left one by the true disparity. What differs then is noise of both, and a rest from
 interpolation and from light that depends on the view. It is compared with the texture around each pixel: where the
 texture is weaker than the noise (signal-to-noise ratio below 1), matchers compare noise.
+
+Noise of baked light is fixed to the ground, so it does not differ between the eyes: matchers take it for texture. The
+pair has an error as large as that of its baked light, and what it varies by around a pixel counts as noise too.
 
 The images are those of the matchers without the noise and the rounding of the sensor, which belong to what is
 evaluated. Light and shadow are judged apart: a few grey levels decide in shadow, and say nothing in the light.
@@ -19,6 +22,10 @@ import numpy as np
 from ...physics.camera.hidden_points import matching_column
 
 CLEAN, NOISY, DECIDES = "clean", "noisy", "noise decides"
+#: Of a pair with baked light whose error is not known, unless the rest of its noise decides.
+UNKNOWN = "unknown"
+#: What the larger part of the noise is of.
+RENDER, BAKE = "render", "bake"
 #: Share of the lit or shaded pixels with more noise than texture up to which a pair is CLEAN, and up to which it is
 #: NOISY. On ten scenes each per cent of such pixels cost SGBM 0.09 to 0.31 points from 64 to 8 samples: 1 % at most 0.3
 #: points, and 5 % at most 1.5.
@@ -47,16 +54,20 @@ class Part:
     share: float  # of the pixels that could be compared
     noise_dn: float | None  # standard deviation of the noise of one eye, in grey levels of 255
     hidden: float | None  # share of its pixels with less texture than noise
+    baked_dn: float | None  # standard deviation of the noise of baked light; None if it is not known
+    by_bake: float | None  # share of the hidden pixels where the larger part of the noise is of baked light
 
 
 @dataclass(frozen=True)
 class RenderNoise:
-    """The noise of a pair. ``verdict`` is CLEAN, NOISY or DECIDES; None if nothing could be compared."""
+    """The noise of a pair. ``verdict`` is CLEAN, NOISY, DECIDES or UNKNOWN; None if nothing could be compared."""
 
     verdict: str | None
+    larger: str | None  # RENDER or BAKE, of which most of the noise is that hides most; None if nothing is hidden
     lit: Part
     shadow: Part
-    #: Share of the pixels that noise may make wrong or missing: smaller differences of methods tell nothing.
+    #: Share of the pixels that noise may make wrong or missing, or right if it is fixed to the ground: smaller
+    #: differences of methods tell nothing.
     doubt: float | None
 
     def to_json(self) -> dict[str, Any]:
@@ -64,20 +75,32 @@ class RenderNoise:
         return asdict(self)
 
 
-def render_noise(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, visible: np.ndarray) -> RenderNoise:
-    """Judge a pair by its images, float (H, W) in grey levels of 255, and its true disparity (H, W)."""
+def render_noise(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, visible: np.ndarray,
+                 baked: np.ndarray | float | None = 0.0) -> RenderNoise:
+    """Judge a pair by its images, float (H, W) in grey levels of 255, and its true disparity (H, W).
+
+    ``baked`` (H, W) is what an error as large as that of its baked light adds to the left image, in the same levels: 0
+    if no light is baked, None if the error is not known.
+    """
     error, known = _noise(left, right, disparity, visible)
     if not known.any():
-        nothing = Part(0.0, None, None)
-        return RenderNoise(None, nothing, nothing, None)
-    ratio = _texture_over_noise(left, error, known)
+        nothing = Part(0.0, None, None, None, None)
+        return RenderNoise(None, None, nothing, nothing, None)
+    fixed = np.broadcast_to(np.asarray(0.0 if baked is None else baked, np.float64), left.shape)
+    noise, of_bake = _mean_around(error * error, known), _mean_around(_variance(fixed), known)
+    ratio = _texture_over_noise(left, noise + of_bake)
     blurred = cv2.GaussianBlur(left.astype(np.float64), (0, 0), _BLUR_PX, borderType=cv2.BORDER_REPLICATE)
     shadow = blurred < _SHADOW_PART * np.quantile(blurred[known], _SHADOW_QUANTILE)
-    lit, dark = (_part(error, ratio, known & where, int(known.sum())) for where in (~shadow, shadow))
-    hidden = [part.hidden for part in (lit, dark) if part.hidden is not None and part.share >= _LEAST_SHARE]
-    verdict = next((name for most, name in SHARES if max(hidden) <= most), DECIDES)
+    lit, dark = (_part(error, None if baked is None else fixed, ratio, of_bake > noise, known & where, int(known.sum()))
+                 for where in (~shadow, shadow))
+    hidden, by_bake = max((part.hidden, part.by_bake or 0.0) for part in (lit, dark)
+                          if part.hidden is not None and part.share >= _LEAST_SHARE)
+    verdict = next((name for most, name in SHARES if hidden <= most), DECIDES)
+    if baked is None and verdict != DECIDES:
+        verdict = UNKNOWN
+    larger = (BAKE if by_bake > 0.5 else RENDER) if hidden > 0 else None
     wrong = _WRONG[np.searchsorted(_RATIOS, ratio[known], side="right")]
-    return RenderNoise(verdict, lit, dark, float(np.mean(wrong - _WRONG_WITHOUT)))
+    return RenderNoise(verdict, larger, lit, dark, float(np.mean(wrong - _WRONG_WITHOUT)))
 
 
 def _noise(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, visible: np.ndarray
@@ -106,25 +129,41 @@ def _cubic(t: np.ndarray) -> tuple[np.ndarray, ...]:
             t * t * (-0.5 + 0.5 * t))
 
 
-def _texture_over_noise(left: np.ndarray, error: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Ratio (H, W) of the standard deviations of texture and noise around each pixel; infinite without noise.
+def _variance(image: np.ndarray) -> np.ndarray:
+    """Variance (H, W) around each pixel."""
+    values = image.astype(np.float64)
+    mean, square = (cv2.boxFilter(each, -1, (_TEXTURE_PX, _TEXTURE_PX), borderType=cv2.BORDER_REPLICATE)
+                    for each in (values, values * values))
+    return np.maximum(square - mean * mean, 0.0)
+
+
+def _mean_around(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Mean (H, W) of the values around each pixel that are known; 0 if none is."""
+    count, total = (cv2.boxFilter(each, -1, (_NOISE_PX, _NOISE_PX), normalize=False, borderType=cv2.BORDER_CONSTANT)
+                    for each in (known.astype(np.float64), np.where(known, values, 0.0)))
+    return np.asarray(total / np.maximum(count, 1))
+
+
+def _texture_over_noise(left: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    """Ratio (H, W) of the standard deviations of texture and of noise, whose variance is given; infinite without noise.
 
     What is neither texture nor noise is no fault of the noise.
     """
-    image = left.astype(np.float64)
-    mean, square = (cv2.boxFilter(each, -1, (_TEXTURE_PX, _TEXTURE_PX), borderType=cv2.BORDER_REPLICATE)
-                    for each in (image, image * image))
-    count, total = (cv2.boxFilter(each, -1, (_NOISE_PX, _NOISE_PX), normalize=False, borderType=cv2.BORDER_CONSTANT)
-                    for each in (known.astype(np.float64), np.where(known, error * error, 0.0)))
-    noise = total / np.maximum(count, 1)
-    texture = np.maximum(square - mean * mean - noise, 0.0)
+    texture = np.maximum(_variance(left) - noise, 0.0)
     return np.sqrt(np.divide(texture, noise, out=np.full(noise.shape, np.inf), where=noise > _NO_NOISE_DN ** 2))
 
 
-def _part(error: np.ndarray, ratio: np.ndarray, where: np.ndarray, known: int) -> Part:
+def _part(error: np.ndarray, baked: np.ndarray | None, ratio: np.ndarray, is_bake: np.ndarray, where: np.ndarray,
+          known: int) -> Part:
     count = int(where.sum())
     if not count:
-        return Part(0.0, None, None)
-    some = error[where]
-    noise = float(_MAD * np.median(np.abs(some - np.median(some))))
-    return Part(count / known, noise, float(np.mean(ratio[where] < 1)))
+        return Part(0.0, None, None, None, None)
+    hidden = where & (ratio < 1)
+    return Part(count / known, _spread(error[where]), float(hidden.sum() / count),
+                None if baked is None else _spread(baked[where]),
+                float(is_bake[hidden].mean()) if hidden.any() else None)
+
+
+def _spread(values: np.ndarray) -> float:
+    """The standard deviation of values that few others are far from."""
+    return float(_MAD * np.median(np.abs(values - np.median(values))))

@@ -11,16 +11,17 @@ from ...number_text import count_of, show_rounded
 from ..images.disparity_and_occlusion import ESTIMATED
 from ..matchers.methods import Method, describe_method
 from ..matchers.search_range import FIXED, MISSED, STATED, TRUTH
-from ..measure.render_noise import DECIDES, NOISY
+from ..measure.render_noise import BAKE, DECIDES, NOISY, UNKNOWN
 from .table_columns import NOISE_DECIDES
 
 #: ``search`` of a row, see ``search_range``.
 SEARCH: Shape = Maybe({"least_px": COUNT, "most_px": COUNT, "source": TEXT,
                        "missed": Maybe(NUMBER, null=True)}, null=True)
 _KNOWN = Maybe(NUMBER, null=True)
-_PART = {"share": NUMBER, "noise_dn": _KNOWN, "hidden": _KNOWN}
+_PART = {"share": NUMBER, "noise_dn": _KNOWN, "hidden": _KNOWN, "baked_dn": _KNOWN, "by_bake": _KNOWN}
 #: ``noise`` of the facts of a pair, see ``render_noise``.
-NOISE: Shape = Maybe({"verdict": Maybe(TEXT, null=True), "lit": _PART, "shadow": _PART, "doubt": _KNOWN}, null=True)
+NOISE: Shape = Maybe({"verdict": Maybe(TEXT, null=True), "larger": Maybe(TEXT, null=True), "lit": _PART,
+                      "shadow": _PART, "doubt": _KNOWN}, null=True)
 #: ``baked`` of the facts of a pair: noise of baked light over all light, its share of it, the bound that was asked for.
 BAKED: Shape = Maybe({"noise": Maybe(NUMBER), "share": Maybe(NUMBER), "bound": NUMBER}, null=True)
 _FIXES = {STATED: "Leave the option out, and the range follows from the rig.",
@@ -51,22 +52,24 @@ class Notes:
         self._faults = list(faults)
         self._failures: dict[str, list[str]] = {}
         self._search: dict[str, list[tuple[str, Mapping[str, Any]]]] = {method.label: [] for method in methods}
-        self._pairs, self._noisy, self._estimated, self._estimated_renders = 0, 0, 0, 0
-        self._decided: list[float] = []
+        self._pairs, self._unknown, self._estimated, self._estimated_renders = 0, 0, 0, 0
+        self._noisy: list[bool] = []  # whether the larger part is noise of baked light
+        self._decided: list[tuple[float, bool]] = []  # doubt, and the same
         self._baked: list[tuple[float, float, float]] = []  # noise, share, bound
 
     def add_pair(self, facts: Mapping[str, Any]) -> bool:
         """Add the facts of a pair; return whether noise of its render decides its result."""
         noise = facts.get("noise") or {}
         self._pairs += 1
-        self._noisy += noise.get("verdict") == NOISY
+        self._unknown += noise.get("verdict") == UNKNOWN
         self._estimated += facts.get("occlusion") == ESTIMATED
         self._estimated_renders += facts.get("occlusion") == ESTIMATED and "layout" not in facts
         baked = facts.get("baked")
         if baked:
             self._baked.append((baked.get("noise", 0.0), baked.get("share", 0.0), baked["bound"]))
-        decided = noise.get("verdict") == DECIDES
-        self._decided += [noise["doubt"]] if decided else []
+        decided, by_bake = noise.get("verdict") == DECIDES, noise.get("larger") == BAKE
+        self._decided += [(noise["doubt"], by_bake)] if decided else []
+        self._noisy += [by_bake] if noise.get("verdict") == NOISY else []
         return bool(decided)
 
     def add(self, row: Mapping[str, Any]) -> None:
@@ -113,15 +116,25 @@ class Notes:
 
     def _noise(self) -> Iterator[Note]:
         if self._decided:
-            where = f" in {len(self._decided)} of {self._pairs} pairs" if self._pairs > 1 else ""
-            yield Note(f"{NOISE_DECIDES}{where}",
+            doubt, by_bake = max(doubt for doubt, _ in self._decided), [by_bake for _, by_bake in self._decided]
+            names = {"quality.bake_samples" if each else "quality.samples" for each in by_bake}
+            yield Note(f"{NOISE_DECIDES}{self._where(len(self._decided))}",
                        "in light or in shadow, more than 5 % of the pixels have less texture than noise. Methods that "
-                       f"differ by less than {show_rounded(100 * max(self._decided))} % of the pixels may differ by "
-                       "noise alone; raise quality.samples and look whether their order stays.", True)
+                       f"differ by less than {show_rounded(100 * doubt)} % of the pixels may differ by "
+                       f"noise alone; raise {' and '.join(sorted(names))} and look whether their order stays."
+                       + _of_bake(by_bake), True)
+        if self._unknown:
+            yield Note(f"The noise of baked light is unknown{self._where(self._unknown)}",
+                       "it is fixed to the ground, alike in both eyes, so comparing them does not show it, and an "
+                       "older version of Icy Moon kept no error of the bake. Matchers may take it for texture and look "
+                       "better than they are; render these pairs again into another data set.", True)
         if self._noisy:
-            where = f" in {self._noisy} of {self._pairs} pairs" if self._pairs > 1 else ""
-            yield Note(f"The render is noisy{where}",
-                       "in light or in shadow, 1 to 5 % of the pixels have less texture than noise.")
+            yield Note(f"The render is noisy{self._where(len(self._noisy))}",
+                       "in light or in shadow, 1 to 5 % of the pixels have less texture than noise."
+                       + _of_bake(self._noisy))
+
+    def _where(self, count: int) -> str:
+        return f" in {count} of {self._pairs} pairs" if self._pairs > 1 else ""
 
     @staticmethod
     def _missed(label: str, found: Sequence[tuple[str, Mapping[str, Any]]]) -> Note | None:
@@ -134,3 +147,13 @@ class Notes:
                     f"in {len(beyond)} of {count_of(len(found), 'pair')} its search range leaves out more than "
                     f"{100 * MISSED:g} % of the true disparities, at most {100 * most:.0f} % (pair {pair}, "
                     f"searched {worst['least_px']} to {worst['most_px']} px). {fix}", True)
+
+
+def _of_bake(by_bake: Sequence[bool]) -> str:
+    """What readers must know of pairs in which noise of baked light is the larger part of the noise."""
+    count = sum(by_bake)
+    if not count:
+        return ""
+    which = "Most of it is" if count == len(by_bake) else f"In {count_of(count, 'pair')} of these most of it is"
+    return (f" {which} noise of baked light, which is fixed to the ground: matchers take it for texture and look "
+            "better than they are.")

@@ -7,10 +7,10 @@ from functools import partial
 import numpy as np
 import OpenEXR
 import pytest
-from icymoon.formats.exr_add import add_baked, add_planet, is_sum_of_lights
+from icymoon.formats.exr_add import add_baked, add_planet, is_sum_of_lights, noise_of_baked
 from icymoon.formats.exr_layout import is_whole
 from icymoon.formats.exr_parts import Piece, assemble, join_layers, read_pieces, strip_passing
-from icymoon.formats.exr_pixels import Pixels, compress, drop_passes
+from icymoon.formats.exr_pixels import Pixels, compress, drop_passes, encode_part
 from icymoon.stereo.images.exr import read_light
 
 LIGHT = ("Combined", "Combined_Sun", "Combined_Planet")
@@ -19,7 +19,8 @@ LIGHT = ("Combined", "Combined_Sun", "Combined_Planet")
 def write(path, passes: dict[str, np.ndarray], several: bool, compression) -> None:
     """A file as Blender 5 writes it, a part for each pass, or as Blender 4 does, with one part."""
     header = {"compression": compression, "type": OpenEXR.scanlineimage}
-    channels = {name: {f"{name}.{band}": np.ascontiguousarray(values[..., k]) for k, band in enumerate("RGB")}
+    channels = {name: {f"{name}.{band}": np.ascontiguousarray(values[..., k])
+                       for k, band in enumerate("RGBA"[:values.shape[-1]])}
                 for name, values in passes.items()}
     parts = ([OpenEXR.Part(dict(header), found, name) for name, found in channels.items()] if several else
              [OpenEXR.Part(dict(header), {k: v for found in channels.values() for k, v in found.items()}, "a")])
@@ -199,6 +200,29 @@ def test_baked_light_of_sun_and_planet_is_added_to_the_light_groups_too(tmp_path
     assert np.array_equal(light.groups["Sun"], sun + by_sun)
     assert np.array_equal(light.groups["Planet"], planet + by_planet)
     assert np.allclose(light.groups["Sun"] + light.groups["Planet"], light.radiance, rtol=1e-6)
+
+
+@pytest.mark.parametrize("several", [True, False])
+def test_the_noise_of_baked_light_is_that_of_the_pixels_that_have_it(tmp_path, several):
+    random = np.random.default_rng(5)
+    direct, baked, planet = (random.random((20, 31, 3), np.float32) * np.float32(scale) for scale in (10.0, 3.0, 1.0))
+    error, other = (random.standard_normal((20, 31, 1)).astype(np.float32) * np.float32(scale) for scale in (0.3, 0.1))
+    baked[:5], planet[:5] = 0, 0  # sky
+    write(tmp_path / "view.exr", {
+        "Beauty.Combined": np.concatenate([direct, np.ones_like(direct[..., :1])], axis=-1),  # with alpha
+        "Beauty.Baked": baked, "Beauty.BakedPlanet": planet}, several, OpenEXR.ZIP_COMPRESSION)
+    errors = (("BakedError", error), ("BakedErrorPlanet", other))
+    pieces, _ = add_baked(pieces_of(tmp_path / "view.exr"))
+    pieces += [encode_part(f"Beauty.{name}", {"X": values[..., 0]}) for name, values in errors]
+    light = (direct + baked + planet)[5:].astype(np.float64)
+    both = (error.astype(np.float64) + other)[5:]
+    assert noise_of_baked(pieces) == pytest.approx(np.sqrt(np.mean(both ** 2)) / light.mean(), rel=1e-6)
+
+
+def test_an_image_without_baked_light_has_no_noise_of_it(tmp_path):
+    direct = np.ones((4, 5, 3), np.float32)
+    write(tmp_path / "view.exr", {"Beauty.Combined": direct, "Beauty.Baked": 0 * direct}, True, OpenEXR.ZIP_COMPRESSION)
+    assert noise_of_baked(pieces_of(tmp_path / "view.exr")) is None
 
 
 @pytest.mark.parametrize("several", [True, False])

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from icymoon.commands import render_scenes
 from icymoon.errors import IcyMoonError
 from icymoon.physics import refused_scenes
 from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
@@ -153,6 +154,23 @@ def test_a_principal_point_that_did_not_follow_the_size_of_the_image_is_told(rig
     assert all(words in each and each.endswith("by the same factor.") for each in said)
 
 
+@pytest.mark.parametrize(("indirect", "samples", "model", "told"), [
+    ("BAKED", 63, "LAMBERT", True), ("AUTO", 63, "LAMBERT", True), ("BAKED", 64, "LAMBERT", False),
+    ("TRACED", 63, "LAMBERT", False), ("BAKED", 63, "PRINCIPLED", False)])
+def test_light_that_is_baked_with_few_samples_is_told(indirect, samples, model, told):
+    """Noise that both eyes share passes for texture; where light is traced there is none."""
+    few = complete({"quality": {"indirect": indirect, "bake_samples": samples}, "surface": {"model": model}})
+    said = refused_scenes.scene_advice(few)
+    assert [("only 63 samples" in each, "raise quality.bake_samples to 64" in each) for each in said] == (
+        [(True, True)] if told else [])
+
+
+@pytest.mark.parametrize("name", render_scenes.DEMO)
+def test_the_scenes_of_the_demo_need_no_advice(name):
+    changes = (dict(render_scenes.DEMO_ALIKE), dict(render_scenes.DEMO[name]))
+    assert not refused_scenes.scene_advice(complete(preset_files.load_preset(name), *changes))
+
+
 @pytest.mark.parametrize("name", preset_files.preset_names())
 def test_every_shipped_preset_is_admitted(name):
     settings = complete(preset_files.load_preset(name))
@@ -173,6 +191,26 @@ baseline_m = 0.3
 kind = "panorama"
 headings = 6
 """
+
+
+BAKED_PLAN = """[plan]
+title = "Baked"
+[surface]
+model = "LAMBERT"
+[quality]
+indirect = "BAKED"
+[[sweep]]
+kind = "grid"
+quality.bake_samples = [16, 32, 64]
+"""
+
+
+def test_a_dry_run_counts_the_pairs_with_bakes_of_few_samples(tmp_path):
+    file = tmp_path / "plan.toml"
+    file.write_text(BAKED_PLAN)
+    done = subprocess.run([sys.executable, str(ROOT / "__main__.py"), "plan", str(file), "--dry-run"], text=True,
+                          capture_output=True, timeout=120, check=False)
+    assert "In 2 of 3 pairs: Indirect light is baked with only 16 samples." in done.stdout, done.stderr
 
 
 def test_a_plan_sets_aside_what_is_refused_and_keeps_the_others(tmp_path):

@@ -6,6 +6,7 @@ import json
 import math
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from
 from icymoon.render.workers.claims import Claims
 from icymoon.render.workers.shared_light import SharedLight
-from icymoon.stereo.images.exr import read_view
+from icymoon.stereo.images.exr import read_baked_error, read_view
 from rendering import complete, empty_scene, png
 
 #: Rough Lambert ground, of which much sees other ground, with fine relief that bakes must not see.
@@ -112,6 +113,63 @@ def test_noise_falls_with_the_root_of_the_samples_and_is_what_differs_from_many(
     assert few.values.mean() == pytest.approx(many.values.mean(), rel=0.02)
 
 
+def test_the_error_of_a_bake_is_as_large_as_the_spread_of_independent_bakes(registered):
+    """Eight bakes of one ground with other random numbers. The variance of their mean band, over all vertices, has
+    seven degrees of freedom a vertex and the square of the errors eight. Neighbours share texels, so of 4,000 vertices
+    about 700 are independent, and bright paths make the spread of a variance about twice that of normal noise: 5 % for
+    each, 7 % for the ratio, and three times that is the bound. The error says how large the deviation of the light is
+    and not which sign it has: their correlation is within 4 / sqrt(700 * 8) of 0."""
+    flat = {"mesh": {"kind": "GRID"}, "terrain": {"resolution": 65}}
+    with ScenesFromSettings(lambda warning: None) as source:
+        pair = planned(flat)[0]
+        built, scene, _ = source.prepare(pair)
+        bakes = [baked_light.bake(built.terrain, scene, complete(ROUGH, flat, {"dataset": {"seed": seed}}))
+                 for seed in range(8)]
+        again = baked_light.bake(built.terrain, scene, complete(ROUGH, flat, {"dataset": {"seed": 7}}))
+    assert np.array_equal(again.values, bakes[7].values)
+    assert np.array_equal(again.error, bakes[7].error)
+    values = np.array([bake.values.mean(axis=1) for bake in bakes], np.float64)
+    errors = np.array([bake.error for bake in bakes], np.float64)
+    assert np.mean(errors ** 2) == pytest.approx(np.mean(values.var(axis=0, ddof=1)), rel=0.2)
+    assert abs(np.corrcoef((values - values.mean(axis=0)).ravel(), errors.ravel())[0, 1]) < 4 / math.sqrt(5600)
+
+
+def error_of(pair: PlannedPair, dataset: Path, eye: str) -> dict[str, np.ndarray]:
+    return read_baked_error(read_pair(pair.folder(dataset)).image(eye), eye)
+
+
+def test_the_pass_of_the_error_is_what_such_light_adds_to_the_image(registered, tmp_path, monkeypatch):
+    """An error that is all of the baked light must be what the image has more of than without any."""
+    bake = baked_light.bake
+    pair, = planned({"dataset": {"headings": 1}, "quality": {"files": "FULL"}})
+    for name, share in (("with", 1.0), ("without", 0.0)):
+        def changed(*of: Any, share: float = share) -> baked_file.BakedLight:
+            made = bake(*of)
+            return replace(made, values=share * made.values, error=made.values.mean(axis=1))
+
+        monkeypatch.setattr(baked_light, "bake", changed)
+        run(tmp_path / name, [pair])
+    more = (light_of(pair, tmp_path / "with") - light_of(pair, tmp_path / "without"))[0].mean(axis=-1)
+    error = error_of(pair, tmp_path / "with", "left")
+    assert error.keys() == {"Sun"}
+    assert more.max() > 0
+    assert np.allclose(error["Sun"], more, atol=1e-5 * more.max())
+    assert error_of(pair, tmp_path / "with", "right") == {}
+
+
+def test_a_pair_states_the_noise_of_its_image(registered, tmp_path):
+    """The root mean square over the left image, which shows ground alone, not over the mesh: neither is far from the
+    other."""
+    pair, = planned({"dataset": {"headings": 1}})
+    run(tmp_path, [pair])
+    view, error = read_view(read_pair(pair.folder(tmp_path)).image("left")), error_of(pair, tmp_path, "left")["Sun"]
+    assert np.isfinite(view.depth).all()
+    told = stated(pair, tmp_path)["indirect"]
+    of_image = math.sqrt(np.mean(error ** 2)) / view.radiance.mean()
+    assert told["noise_of_image"] == pytest.approx(of_image, rel=2e-3)  # of light in 16 bits
+    assert 0.5 < told["noise_of_image"] / told["noise"] < 2
+
+
 def test_direct_and_baked_light_are_the_light_that_is_traced(registered, tmp_path):
     """Within 1.5 % of the mean at 24 degrees: 1 % for relief that a bake does not see, and for vertices that are 31 cm
     apart, and noise of 0.5 %."""
@@ -145,7 +203,7 @@ def test_a_worker_waits_for_the_bake_of_another(registered, tmp_path):
         built, scene, _ = source.prepare(pair)
         key = baked_light.key_of(built, pair.settings)
         values = np.full((len(built.terrain.data.vertices), 3), 0.25, np.float32)
-        made = baked_file.BakedLight(values, np.zeros((0, TERMS, 3), np.float32), 0.1, 0.2, 16, 1)
+        made = baked_file.BakedLight(values, values[:, 0], np.zeros((0, TERMS, 3), np.float32), 0.1, 0.2, 16, 1)
         theirs, ours = Claims(tmp_path), Claims(tmp_path)
         assert theirs.take(key)
 
@@ -265,6 +323,7 @@ def test_an_image_in_which_baked_light_is_too_noisy_is_traced(registered, tmp_pa
     assert "above quality.bake_noise" in told["indirect"]["why"]
     assert any(told["indirect"]["why"] in sentence for sentence in told["left_out"])
     assert told["denoiser"] == pair.settings.quality.denoiser
+    assert error_of(pair, tmp_path, "left") == {}
     traced, = planned({"quality": {"indirect": "TRACED", "samples": 64}, "dataset": {"headings": 1}})
     run(tmp_path, [traced])
     # Two samples of 64 x 48 pixels: of the mean 1 % is noise.

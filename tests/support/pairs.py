@@ -22,6 +22,8 @@ from icymoon.render.pairs.pair_folder import FORMAT, VERSION, StereoCamera
 from icymoon.settings.description import defaults, merged
 
 SKY_M = 1.0e10
+#: What ``pair.json`` states of a pair with baked light.
+BAKED = {"method": "BAKED", "share": 0.3, "noise": 0.001}
 
 
 @dataclass(frozen=True)
@@ -62,17 +64,19 @@ def view(scene: Scene, rig: StereoCamera, eye: str) -> tuple[np.ndarray, np.ndar
 
 def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | None = None, layout: str = "5.x",
                noise: float = 0.0, settings: dict[str, dict[str, Any]] | None = None,
-               planet_share: float | None = None) -> Path:
+               planet_share: float | None = None, baked_error: np.ndarray | None = None) -> Path:
     """Write a complete pair folder. ``layout`` '4.x' is one part per file, '4.x view' the same with the
     view's name in the channels, '5.x' one part per pass. ``noise`` is relative and independent per eye.
-    With ``planet_share`` the light is in two groups, that share of it the planet's."""
+    With ``planet_share`` the light is in two groups, that share of it the planet's. With ``baked_error`` (H, W) the
+    light is baked, and the left eye has this error of it."""
     scene, rig = scene or Scene(), rig or camera()
     folder.mkdir(parents=True)
     random = np.random.default_rng(int(hashlib.sha256(folder.name.encode()).hexdigest()[:8], 16))
     for eye in ("left", "right"):
         depth, light, instance = view(scene, rig, eye)
         light = light * (1 + noise * random.standard_normal(light.shape))
-        write_exr(folder / f"{eye}.exr", depth, light, instance, layout, eye, planet_share)
+        write_exr(folder / f"{eye}.exr", depth, light, instance, layout, eye, planet_share,
+                  baked_error if eye == "left" else None)
     complete = merged(settings or defaults(), {"rig": described(rig)})
     kinds = ["{}.exr"]
     if rig.toe_in_deg or is_blurred(complete.rig):
@@ -81,7 +85,7 @@ def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | Non
     for name in names[2:]:
         shutil.copy(folder / f"{name.split('_')[0]}.exr", folder / name)
     data = {"format": FORMAT, "version": VERSION, "id": id_of(folder.name), "camera": rig.to_json(),
-            "settings": complete,
+            "settings": complete, **({} if baked_error is None else {"indirect": BAKED}),
             "files": {name: {"bytes": (folder / name).stat().st_size,
                              "sha256": hashlib.sha256((folder / name).read_bytes()).hexdigest()} for name in names}}
     (folder / "pair.json").write_text(json.dumps(data), encoding="utf-8")
@@ -103,7 +107,7 @@ def id_of(name: str) -> str:
 
 
 def write_exr(path: Path, depth: np.ndarray, light: np.ndarray, instance: np.ndarray, layout: str, eye: str,
-              planet_share: float | None = None) -> None:
+              planet_share: float | None = None, baked_error: np.ndarray | None = None) -> None:
     """One eye's file; ``depth`` has NaN for sky."""
     def single(values: np.ndarray) -> np.ndarray:
         return np.ascontiguousarray(values, np.float32)
@@ -118,6 +122,8 @@ def write_exr(path: Path, depth: np.ndarray, light: np.ndarray, instance: np.nda
     if planet_share is not None:
         for group, share in (("Sun", 1 - planet_share), ("Planet", planet_share)):
             passes["Beauty", f"Combined_{group}"] = {band: single(share * light) for band in "RGB"}
+    if baked_error is not None:
+        passes["Beauty", "BakedError"] = {"X": single(baked_error)}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     word = f".{eye}" if layout == "4.x view" else ""
     if layout.startswith("4"):

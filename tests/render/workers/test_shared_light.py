@@ -30,8 +30,8 @@ PAIRS = ("aaaaaaaaaaaa", "bbbbbbbbbbbb", "cccccccccccc")
 
 
 def light(level: float = 1.0, seconds: float = 2.0) -> BakedLight:
-    return BakedLight(np.full((VERTICES, 3), level, np.float32), np.zeros((0, TERMS, 3), np.float32), 0.02, 0.2, 64,
-                      seconds)
+    return BakedLight(np.full((VERTICES, 3), level, np.float32), np.zeros(VERTICES, np.float32),
+                      np.zeros((0, TERMS, 3), np.float32), 0.02, 0.2, 64, seconds)
 
 
 class Baker:

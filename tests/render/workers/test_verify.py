@@ -31,7 +31,8 @@ KEYS = ("000000000000", "111111111111")
 
 
 def light(level: float = 1.0) -> BakedLight:
-    return BakedLight(np.full((9, 3), level, np.float32), np.zeros((0, TERMS, 3), np.float32), 0.02, 0.2, 64, 2.0)
+    return BakedLight(np.full((9, 3), level, np.float32), np.zeros(9, np.float32), np.zeros((0, TERMS, 3), np.float32),
+                      0.02, 0.2, 64, 2.0)
 
 
 def rewrite(folder: Path, **changes: Any) -> None:
@@ -45,7 +46,7 @@ def bake(dataset: Path, key: str, level: float = 1.0) -> KeptLight:
 
 
 def state(folder: Path, kept: KeptLight) -> None:
-    rewrite(folder, indirect=Indirect({"Sun": kept}).to_json({"left": {"Sun": 0.2}, "right": {"Sun": 0.2}}))
+    rewrite(folder, indirect=Indirect({"Sun": kept}).to_json({"left": {"Sun": 0.2}, "right": {"Sun": 0.2}}, 0.01))
 
 
 @pytest.fixture

@@ -239,7 +239,7 @@ DEPTH_FILE, CAMERA = 'depth = "d/{pair}.npy"\n', "[camera]\nfocal_px = 1\nbaseli
     ("[images", "is not TOML"), ('[images]\nleft = "l/{pair}.png"\n', "truth is missing"),
     ('[images]\nleft = 3\nright = "r/{pair}.png"\n[truth]\n[camera]\n', "images.left is 3, not a text"),
     (IMAGES + CAMERA, "names no files; name either disparity or depth"),
-    (IMAGES + DEPTH_FILE + DEPTH_FILE.replace("depth", "disparity") + CAMERA, "both disparity and depth"),
+    (IMAGES + DEPTH_FILE + DEPTH_FILE.replace("depth", "disparity") + CAMERA, "names disparity and depth; name either"),
     (IMAGES + DEPTH_FILE.replace("depth", "depht") + CAMERA, "unknown key truth.depht"),
     (IMAGES + DEPTH_FILE + CAMERA + "[camra]\n", "unknown table camra"),
     (IMAGES.replace("l/{pair}", "l/a") + DEPTH_FILE + CAMERA, "the same file for all pairs"),

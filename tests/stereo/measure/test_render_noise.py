@@ -1,10 +1,13 @@
-"""The verdict on render noise, on pairs whose noise is known."""
+"""The verdict on noise of the render and of baked light, on pairs whose noise is known."""
+
+import json
 
 import numpy as np
 import pairs
 import pytest
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
-from icymoon.stereo.measure.render_noise import CLEAN, DECIDES, NOISY, render_noise
+from icymoon.stereo.measure.prepare import prepare
+from icymoon.stereo.measure.render_noise import BAKE, CLEAN, DECIDES, NOISY, RENDER, UNKNOWN, render_noise
 
 RIG = pairs.camera(320, 240)
 SMOOTH = pairs.Scene(contrast=0.3)
@@ -68,3 +71,100 @@ def test_images_without_noise_or_texture_are_clean():
     flat = np.full((40, 60), 100.0)
     found = render_noise(flat, flat, np.full((40, 60), 5.0), np.broadcast_to(np.arange(60) >= 5, (40, 60)))
     assert (found.verdict, found.lit.noise_dn, found.doubt) == (CLEAN, 0.0, 0.0)
+
+
+SHIFT_PX = 7
+
+
+def on_ground(fixed_dn, render_dn=0.0, known=True, seed=0):
+    """The verdict on a plane across the view with texture of 4 grey levels, on which baked light has noise of
+    ``fixed_dn``, alike in both eyes, with another such error as known, and each eye has its own noise."""
+    random = np.random.default_rng(seed)
+    shape = RIG.height_px, RIG.width_px + SHIFT_PX
+    ground = 100 + 4 * random.standard_normal(shape) + fixed_dn * random.standard_normal(shape)
+    left, right = (ground[:, at:at + RIG.width_px] + render_dn * random.standard_normal((RIG.height_px, RIG.width_px))
+                   for at in (0, SHIFT_PX))
+    seen = np.broadcast_to(np.arange(RIG.width_px) >= SHIFT_PX, left.shape)
+    error = fixed_dn * random.standard_normal(left.shape)
+    return render_noise(left, right, np.full(left.shape, float(SHIFT_PX)), seen, error if known else None)
+
+
+def test_noise_that_both_eyes_share_is_judged_by_the_error_of_the_bake():
+    """Texture is hidden where its 25 pixels have a variance below that of the noise, so 4 levels are hidden by 16 and
+    not by 0.4. Between the eyes nothing differs."""
+    found = [on_ground(fixed_dn) for fixed_dn in (0.0, 0.4, 3.0, 16.0)]
+    assert [each.lit.noise_dn for each in found] == [0.0] * 4
+    assert [each.verdict for each in found[:2]] == [CLEAN, CLEAN]
+    assert found[-1].verdict == DECIDES
+    assert [each.lit.hidden for each in found] == sorted(each.lit.hidden for each in found)
+    assert [each.lit.baked_dn for each in found] == pytest.approx([0.0, 0.4, 3.0, 16.0], rel=0.02)
+    assert (found[-1].larger, found[-1].lit.by_bake) == (BAKE, 1.0)
+    assert found[0].larger is None
+
+
+def test_the_same_noise_hides_as_much_whether_the_eyes_share_it_or_not():
+    """What a matcher compares is noise in either case. Texture of 4 levels, noise of 4: each estimate of a variance has
+    a spread of a quarter, so about half of the pixels are hidden."""
+    shared, own = on_ground(4.0), on_ground(0.0, render_dn=4.0)
+    assert shared.lit.hidden == pytest.approx(own.lit.hidden, abs=0.06)
+    assert shared.doubt == pytest.approx(own.doubt, abs=0.02)
+    assert (shared.larger, own.larger) == (BAKE, RENDER)
+
+
+def test_the_larger_part_of_the_noise_is_named():
+    assert on_ground(6.0, render_dn=12.0).larger == RENDER
+    assert on_ground(12.0, render_dn=6.0).larger == BAKE
+
+
+def test_an_error_that_does_not_vary_from_place_to_place_hides_nothing():
+    flat = np.full((40, 60), 100.0)
+    flat[::2] += 4.0
+    seen = np.broadcast_to(np.arange(60) >= 5, flat.shape)
+    found = render_noise(flat, flat, np.full(flat.shape, 5.0), seen, np.full(flat.shape, 8.0))
+    assert (found.verdict, found.lit.hidden) == (CLEAN, 0.0)
+
+
+def test_without_the_error_of_a_bake_no_pair_is_clean():
+    assert on_ground(16.0, known=False).verdict == UNKNOWN
+    assert on_ground(0.0, known=False).verdict == UNKNOWN
+    found = on_ground(0.0, render_dn=16.0, known=False)
+    assert (found.verdict, found.larger) == (DECIDES, RENDER)  # whatever the bake adds
+    assert found.lit.baked_dn is None
+
+
+def noise_of(folder, response=None):
+    return prepare(folder, response or {}).facts["noise"]
+
+
+@pytest.mark.parametrize("layout", ["4.x view", "5.x"])
+def test_a_pair_is_judged_by_the_error_that_it_contains(tmp_path, layout):
+    """Radiance of 2 W/(m² sr) with texture of a few per cent: an error of 2e-5 of it hides nothing, and one of 0.5
+    all."""
+    random = np.random.default_rng(1).standard_normal((pairs.camera().height_px, pairs.camera().width_px))
+    clean, noisy = (noise_of(pairs.write_pair(tmp_path / name, layout=layout, baked_error=share * 2.0 * random))
+                    for name, share in (("clean", 1e-5), ("noisy", 0.5)))
+    assert clean["verdict"] == CLEAN
+    assert clean["lit"]["baked_dn"] < 0.01
+    assert (noisy["verdict"], noisy["larger"]) == (DECIDES, BAKE)
+    assert noisy["lit"]["noise_dn"] == clean["lit"]["noise_dn"]
+
+
+@pytest.mark.parametrize("error", [None, np.nan])
+def test_a_pair_of_an_older_version_with_baked_light_is_unknown(tmp_path, error):
+    shape = pairs.camera().height_px, pairs.camera().width_px
+    folder = pairs.write_pair(tmp_path / "pair", baked_error=None if error is None else np.full(shape, error))
+    path = folder / "pair.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"indirect": pairs.BAKED}))
+    assert noise_of(folder)["verdict"] == UNKNOWN
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"indirect": {"method": "TRACED", "why": "rocks"}}))
+    assert noise_of(folder)["verdict"] == CLEAN
+
+
+def test_the_error_of_a_bake_grows_with_the_light_that_it_is_of(tmp_path):
+    random = np.random.default_rng(1).standard_normal((pairs.camera().height_px, pairs.camera().width_px))
+    folder = pairs.write_pair(tmp_path / "pair", planet_share=0.5, baked_error=0.02 * random)
+    exposed = {"auto_exposure": False, "exposure_s": prepare(folder, {}).facts["exposure_s"]}
+    dark, plain = (noise_of(folder, {"light": {"sun_scale": scale}, "sensor": exposed})["lit"]["baked_dn"]
+                   for scale in (0.5, 1.0))
+    assert plain > 0
+    assert dark == pytest.approx(plain / 2, rel=0.01)

@@ -4,7 +4,7 @@ import pytest
 from icymoon.file_shapes import find_fault
 from icymoon.stereo.images.disparity_and_occlusion import ESTIMATED
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.stereo.measure.render_noise import CLEAN, DECIDES, NOISY
+from icymoon.stereo.measure.render_noise import BAKE, CLEAN, DECIDES, NOISY, RENDER, UNKNOWN
 from icymoon.stereo.report.notes import BAKED, NOISE, SEARCH, Notes
 
 
@@ -120,3 +120,36 @@ def test_noise_of_baked_light_is_stated_with_the_fix_where_it_is_above_its_bound
     assert "at most 27 % of the light, in a pair of which 100 % is indirect" in any_noise
     assert "above" not in any_noise
     assert not with_baked()
+
+
+def by(*noises):
+    notes = Notes(parse_methods("bm"))
+    for verdict, larger in noises:
+        part = {"share": 0.5, "noise_dn": 3.0, "hidden": 0.1, "baked_dn": None, "by_bake": 0.7}
+        facts = {"noise": {"verdict": verdict, "larger": larger, "lit": part, "shadow": part, "doubt": 0.2}}
+        assert not find_fault(facts, {"noise": NOISE})
+        notes.add_pair(facts)
+    return notes.found()
+
+
+def test_noise_of_baked_light_that_decides_is_said_with_its_own_fix():
+    said, = by((DECIDES, BAKE))
+    assert said.doubtful
+    assert "raise quality.bake_samples and look" in said.detail
+    assert said.detail.endswith("Most of it is noise of baked light, which is fixed to the ground: matchers take it "
+                                "for texture and look better than they are.")
+    said, = by((DECIDES, BAKE), (DECIDES, RENDER), (DECIDES, RENDER))
+    assert "raise quality.bake_samples and quality.samples and look" in said.detail
+    assert "In 1 pair of these most of it is noise of baked light" in said.detail
+    said, = by((DECIDES, RENDER))
+    assert "raise quality.samples and look" in said.detail
+    assert "baked" not in said.detail
+    assert ["noise of baked light" in note.detail for note in by((NOISY, BAKE))] == [True]
+    assert ["noise of baked light" in note.detail for note in by((NOISY, RENDER))] == [False]
+
+
+def test_noise_of_baked_light_that_is_not_known_is_a_doubt():
+    said, = by((UNKNOWN, None), (CLEAN, None))
+    assert said.doubtful
+    assert said.brief == "The noise of baked light is unknown in 1 of 2 pairs"
+    assert "render these pairs again into another data set" in said.detail
