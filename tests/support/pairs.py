@@ -77,7 +77,8 @@ def write_pair(folder: Path, scene: Scene | None = None, rig: StereoCamera | Non
         light = light * (1 + noise * random.standard_normal(light.shape))
         write_exr(folder / f"{eye}.exr", depth, light, instance, layout, eye, planet_share,
                   baked_error if eye == "left" else None)
-    complete = merged(settings or defaults(), {"rig": described(rig)})
+    complete = merged(settings or defaults(), {"rig": described(rig)},
+                      {} if baked_error is None else {"quality": {"indirect": "BAKED"}})
     kinds = ["{}.exr"]
     if rig.toe_in_deg or is_blurred(complete.rig):
         kinds += ["{}_truth.exr", *(["{}_toed_truth.exr"] if rig.toe_in_deg else [])]

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pairs
 import pytest
+from icymoon.settings.description import defaults, merged
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
 from icymoon.stereo.measure.prepare import prepare
 from icymoon.stereo.measure.render_noise import BAKE, CLEAN, DECIDES, NOISY, RENDER, UNKNOWN, render_noise
@@ -152,7 +153,8 @@ def test_a_pair_is_judged_by_the_error_that_it_contains(tmp_path, layout):
 @pytest.mark.parametrize("error", [None, np.nan])
 def test_a_pair_of_an_older_version_with_baked_light_is_unknown(tmp_path, error):
     shape = pairs.camera().height_px, pairs.camera().width_px
-    folder = pairs.write_pair(tmp_path / "pair", baked_error=None if error is None else np.full(shape, error))
+    folder = pairs.write_pair(tmp_path / "pair", settings=merged(defaults(), {"quality": {"indirect": "BAKED"}}),
+                              baked_error=None if error is None else np.full(shape, error))
     path = folder / "pair.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"indirect": pairs.BAKED}))
     assert noise_of(folder)["verdict"] == UNKNOWN
