@@ -18,6 +18,7 @@ from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from .data_files import MapFile, find_inside, read_map
 from .input_faults import check_prediction
+from .markers import is_possible
 
 #: The name of such a method where others have the name of their matcher.
 PREDICTION = "prediction"
@@ -100,6 +101,7 @@ def read_prediction(method: Method, prepared: Prepared) -> tuple[np.ndarray, dic
     path = find_prediction(method, prepared.pair.name)
     disparity = read_map(MapFile(path, predicted=True))
     check_prediction(path, disparity, prepared.truth, prepared.pair.camera)
-    return np.where(usable(disparity), disparity, np.nan).astype(np.float32), {
+    found = usable(disparity) & is_possible(disparity)
+    return np.where(found, disparity, np.nan).astype(np.float32), {
         "method": PREDICTION, "options": options_of(method), **dict.fromkeys(COSTS), "arrays": {}, "counts": {},
         "facts": {}, "search": None}
