@@ -10,7 +10,7 @@ from typing import Any
 
 from ...errors import IcyMoonError, describe_error
 from ...file_shapes import FILE_NAME, SHA256, Each, find_fault
-from ...files import quote, read_text, sha256
+from ...files import list_put_there, quote, read_text, sha256
 from ...formats.exr_layout import read_sizes
 from ...number_text import count_of
 from ...physics.camera.blur import blur_identity
@@ -295,7 +295,7 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
                       "its place.")
         return
     checksums: dict[str, str] = {}
-    for path in sorted(folder.glob("*")):
+    for path in list_put_there(folder):
         parts = parse_name(path.name)
         if is_unfinished(path) and path.name.split("-")[0].split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
@@ -334,7 +334,7 @@ def _is_edited(folder: Path) -> bool:
 def _check_other_files(dataset: Path, planned: Collection[str], working: set[str], has_plan: bool
                        ) -> Iterator[Problem]:
     """What lies in the folder and belongs to no planned pair."""
-    for path in sorted((dataset / "pairs").glob("*")):
+    for path in list_put_there(dataset / "pairs"):
         name = path.name.split(".")[0]
         if is_unfinished(path):
             aside = _may_be_intact(path) and not is_complete(path.with_name(name))
@@ -348,7 +348,7 @@ def _check_other_files(dataset: Path, planned: Collection[str], working: set[str
         elif name not in planned or path.name != name:
             yield Problem("foreign", path.name, f"{path} is {'not of this plan' if has_plan else 'no pair'}; move it "
                           "out of the data set.")
-    for path in sorted((dataset / CLAIMS_FOLDER).glob("*")):
+    for path in list_put_there(dataset / CLAIMS_FOLDER):
         if is_unfinished(path):
             if path.name.split(".")[0] not in working:
                 yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
@@ -356,7 +356,7 @@ def _check_other_files(dataset: Path, planned: Collection[str], working: set[str
             yield Problem("foreign", path.name, f"{path} is no claim.")
         elif path.name.split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} is the claim of a process that is gone.", path)
-    for path in sorted(dataset.glob("*")):
+    for path in list_put_there(dataset):
         if is_unfinished(path):
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif path.name not in _OUR_FILES:

@@ -47,7 +47,8 @@ def choose_channel(names: Sequence[str], kind: str, predicted: bool = False) -> 
 def colours_beside(name: str, names: Sequence[str]) -> list[str]:
     """The other colours of the picture that a channel is one of, if it is."""
     layer, dot, own = name.rpartition(".")
-    return [each for colour in _COLOURS if own in _COLOURS and colour != own and (each := layer + dot + colour) in names]
+    others = [layer + dot + colour for colour in _COLOURS if own in _COLOURS and colour != own]
+    return [each for each in others if each in names]
 
 
 def refuse_picture(name: str, names: Sequence[str], kind: str, predicted: bool = False) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...files import is_of_file_manager
 from ..matchers import complete_options
 from ..matchers.methods import Method, describe_method
 from ..measure.costs import COSTS
@@ -87,7 +88,7 @@ def _find_misnamed(root: Path, pair: str) -> Path | None:
     named = re.compile(rf"(?<![A-Za-z0-9]){re.escape(pair)}(?![A-Za-z0-9])")
     try:
         found = [path for path in islice(root.iterdir(), _LOOKED_THROUGH)
-                 if path.suffix in ENDINGS and named.search(path.stem)]
+                 if path.suffix in ENDINGS and named.search(path.stem) and not is_of_file_manager(path.name)]
     except OSError:
         return None
     return found[0] if len(found) == 1 else None

@@ -425,3 +425,13 @@ def test_each_pair_is_read_once_and_what_all_share_is_made_once(dataset, monkeyp
     # The plan's first pair, and what differs from it, beside what is in the files.
     assert checked.count("surface") <= 2
     assert checked.count("terrain") <= 2
+
+
+def test_what_file_managers_leave_is_no_problem(dataset):
+    """In every folder of a data set, as on a disk that a Mac or Windows has shown."""
+    for folder in [dataset, *(path for path in dataset.rglob("*") if path.is_dir())]:
+        for name in (".DS_Store", "._pair.json", "._left.exr", "Thumbs.db", "desktop.ini"):
+            (folder / name).write_bytes(bytes(100))
+    assert verify(dataset) == Findings(4, 4, ())
+    (dataset / "pairs" / ".DS_Store2").write_bytes(b"")
+    assert the_problem(dataset).kind == "foreign"

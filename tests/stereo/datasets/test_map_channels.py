@@ -118,10 +118,11 @@ def test_a_colour_is_a_map_only_if_all_are_equal(tmp_path, others):
     for colour in "GB":
         path = _write(tmp_path / f"{colour}.exr", grey | {colour: foreign.constant(8)} | others)
         for predicted in (False, True):
-            with pytest.raises(IcyMoonError, match="of which R is a colour of a picture .*as the channel disparity") as e:
+            words = r"of which R is a colour of a picture .*as the channel disparity"
+            with pytest.raises(IcyMoonError, match=words) as caught:
                 read_map(MapFile(path, predicted=predicted))
-            assert all(name in str(e.value) for name in others)
-            assert ("truth.channel" in str(e.value)) != predicted
+            assert all(name in str(caught.value) for name in others)
+            assert ("truth.channel" in str(caught.value)) != predicted
         np.testing.assert_array_equal(read_map(MapFile(path, channel=colour)), 8)  # the fix works
 
 

@@ -83,7 +83,8 @@ def test_networks_with_other_signs_units_and_outputs_are_understood(tmp_path):
 
 
 @pytest.mark.parametrize(("how", "options", "reason"), [
-    ({"factor": -1}, {}, r"finds -7\S* and -12\S* px where the images are shifted by 7 and 12 px; give onnx.sign=negative"),
+    ({"factor": -1}, {}, r"finds -7\S* and -12\S* px where the images are shifted by 7 and 12 px; give "
+                         r"onnx.sign=negative"),
     ({}, {"sign": "negative"}, "give onnx.sign=positive"),
     ({"factor": 0.25}, {}, r"finds 1.75\d* and 3 px .*onnx.scale=4"),
     ({"factor": -0.25}, {}, r"onnx.scale=4 and the other onnx.sign"),
