@@ -82,7 +82,7 @@ def read_rig(left: Path, right: Path, most_px: float = FIT_LIMIT_PX) -> tuple[Se
         raise IcyMoonError(f"{where} have images of {sizes}, and both eyes of a rig here have one size; rectify their "
                            "images first.")
     _check_parallel(first, second, where, "calibrate both eyes as a stereo pair" if of_ros[0] else
-                    "rectify their images first")
+                    _how_to_rectify(left, right))
     baseline_m, doubt = _baseline(first, second, "the fourth number of projection_matrix is -fx times the baseline"
                                   if of_ros[0] else "the vector C is")
     lens, averaged = _mean_lens(first.lens, second.lens, width, where)
@@ -215,6 +215,15 @@ def _mean_lens(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens
     return mean, [f"Both eyes have the mean of two lenses: focal lengths of {left.focal_px:.2f} and "
                   f"{right.focal_px:.2f} px, principal points at ({left.cx_px:.2f}, {left.cy_px:.2f}) and "
                   f"({right.cx_px:.2f}, {right.cy_px:.2f}) px, distortion that differs by up to {bent:.2g} px."]
+
+
+def _how_to_rectify(left: Path, right: Path) -> str:
+    """What to do with models of two eyes that are not parallel, as our own exports write them beside others."""
+    beside = [path.with_name(path.name.replace("_sensor.", ".")) for path in (left, right)]
+    if all(other != path and other.is_file() for other, path in zip(beside, (left, right), strict=True)):
+        return (f"give {beside[0].name} and {beside[1].name} beside them, the models of the rectified images, and set "
+                "rig.toe_in_deg, to half of that angle, for eyes that are turned toward each other")
+    return "rectify their images first"
 
 
 def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:
