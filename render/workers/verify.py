@@ -113,10 +113,27 @@ def _find_unplanned(dataset: Path) -> dict[str, None]:
     """The ids of the pairs of a data set that has no plan, as of ``icymoon render``."""
     found = dict.fromkeys(path.name for path in sorted((dataset / "pairs").glob("*"))
                           if is_of_a_pair(path) and not is_unfinished(path))
+    renamed = [path.parent for path in list_put_there(dataset / "pairs", "*/pair.json")]
+    if not found and renamed:
+        raise IcyMoonError(_describe_misplaced(renamed[0]) or f"{renamed[0]} has the name of no pair, and its "
+                           "pair.json cannot be read; remove it.")
     if not found:
         raise IcyMoonError(f"{dataset} has no {PLAN} and no pairs; give the folder of a data set, which icymoon batch "
                            "or icymoon render made.")
     return found
+
+
+def _describe_misplaced(folder: Path) -> str:
+    """What to do with a whole pair that has another name than its id; empty for anything else."""
+    try:
+        own = read_pair(folder).id
+    except IcyMoonError:
+        return ""
+    if folder.name == own:
+        return ""
+    if (folder.parent / own).exists():
+        return f"{folder} is pair {own} again, under another name; move it out of the data set."
+    return f"{folder} is pair {own} under another name; call it {own}, or move it out of the data set."
 
 
 class _Shared:
@@ -346,8 +363,8 @@ def _check_other_files(dataset: Path, planned: Collection[str], working: set[str
             yield Problem("edited", path.name, f"Pair {path} was edited by hand: its settings do not determine its "
                           "images, and no plan has it.")
         elif name not in planned or path.name != name:
-            yield Problem("foreign", path.name, f"{path} is {'not of this plan' if has_plan else 'no pair'}; move it "
-                          "out of the data set.")
+            yield Problem("foreign", path.name, _describe_misplaced(path) or (
+                f"{path} is {'not of this plan' if has_plan else 'no pair'}; move it out of the data set."))
     for path in list_put_there(dataset / CLAIMS_FOLDER):
         if is_unfinished(path):
             if path.name.split(".")[0] not in working:

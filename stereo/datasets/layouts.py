@@ -56,7 +56,8 @@ def find_foreign_pairs(path: Path) -> list[FoundPair]:
     for pair in found:
         other = names.setdefault(pair.name, pair)
         if other is not pair:
-            raise IcyMoonError(f"{other.left} and {pair.left} would both be called {pair.name}; rename one.")
+            raise IcyMoonError(f"{other.left} and {pair.left} would both be called {pair.name}; rename the "
+                               "files or the folder of one of them.")
     return found
 
 
