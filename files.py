@@ -10,6 +10,7 @@ import itertools
 import json
 import math
 import os
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -35,6 +36,8 @@ _FIXES = {errno.ENOSPC: "the disk is full; free some space or choose another fol
          errno.ENOTDIR: "a part of this path is a file, not a folder; choose another folder",
          errno.EEXIST: "a file of this name is in the way; move it or choose another folder"}
 _OPEN = "another program has it open, or it may not be written to; close it there or choose another folder"
+#: macOS' attributes of a file on other disks and its views of folders, and Windows' pictures and views of folders.
+_OF_FILE_MANAGERS = re.compile(r"\._.+|\.DS_Store|Thumbs\.db|desktop\.ini")
 _numbers = itertools.count(1)
 
 
@@ -79,6 +82,17 @@ def read_text(path: Path) -> str:
     Raises OSError as opening it does, ValueError where it is no text, or more than ``MOST_TEXT`` bytes.
     """
     return decode_text(read_regular(path, MOST_TEXT))
+
+
+def is_of_file_manager(name: str) -> bool:
+    """Whether a name is one that file managers give to files which they leave in any folder."""
+    return bool(_OF_FILE_MANAGERS.fullmatch(name))
+
+
+def list_put_there(folder: Path, pattern: str = "*") -> list[Path]:
+    """What is in a folder and fits a pattern, sorted, without what file managers left there or in folders within."""
+    return [path for path in sorted(folder.glob(pattern))
+            if not any(map(is_of_file_manager, path.relative_to(folder).parts))]
 
 
 def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:

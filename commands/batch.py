@@ -302,6 +302,8 @@ def _measure(found: Findings) -> str:
 
 def _describe_fix(found: Findings, removed: bool) -> str:
     """What makes a data set with problems whole, as a clause."""
+    if not found.has_plan and found.complete == found.pairs:
+        return "do what each line asks for"
     if not found.has_plan:
         return "render again what is broken"
     if not removed and any(problem.path for problem in found.problems):

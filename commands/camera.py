@@ -82,7 +82,7 @@ def read_rig(left: Path, right: Path, most_px: float = FIT_LIMIT_PX) -> tuple[Se
         raise IcyMoonError(f"{where} have images of {sizes}, and both eyes of a rig here have one size; rectify their "
                            "images first.")
     _check_parallel(first, second, where, "calibrate both eyes as a stereo pair" if of_ros[0] else
-                    "rectify their images first")
+                    _how_to_rectify(left, right))
     baseline_m, doubt = _baseline(first, second, "the fourth number of projection_matrix is -fx times the baseline"
                                   if of_ros[0] else "the vector C is")
     lens, averaged = _mean_lens(first.lens, second.lens, width, where)
@@ -240,6 +240,15 @@ def _tell_unlike(left: Lens, right: Lens, width_px: int) -> str:
     if max(focal, bent) <= _MOST_FOCAL * left.focal_px and centre <= _MOST_CENTRE * width_px:
         return ""
     return f"{focal:.3g} px in focal length, {centre:.3g} px in principal point and {bent:.3g} px in distortion"
+
+
+def _how_to_rectify(left: Path, right: Path) -> str:
+    """What to do with models of two eyes that are not parallel, as our own exports write them beside others."""
+    beside = [path.with_name(path.name.replace("_sensor.", ".")) for path in (left, right)]
+    if all(other != path and other.is_file() for other, path in zip(beside, (left, right), strict=True)):
+        return (f"give {beside[0].name} and {beside[1].name} beside them, the models of the rectified images, and set "
+                "rig.toe_in_deg, to half of that angle, for eyes that are turned toward each other")
+    return "rectify their images first"
 
 
 def _check_parallel(left: _Eye, right: _Eye, where: str, fix: str) -> None:

@@ -21,7 +21,12 @@ from ..support.foreign_bytes import ForeignBytes, RefusedError, read
 #: Largest file: a calibration has 1 kB.
 _MOST_BYTES = 2**16
 _KEY = re.compile(r"( *)([A-Za-z_]\w*):(.*)")
-_FIX = "give the YAML file that ROS' camera_calibration wrote for this eye"
+#: What files of other programs, with the same ending and much of the same content, are known by.
+_OTHER_FILES = ((re.compile(r"^cam0:\s*$", re.MULTILINE), "a camchain of Kalibr, of all cameras together"),
+                (re.compile(r"^[kpKP]:\s*$|^header:\s*$", re.MULTILINE),
+                 "a message CameraInfo, as ros2 topic echo prints it"))
+_FIX = ("give the YAML file that ROS' camera_calibration wrote for this eye, or one like it, with image_width, "
+        "image_height, camera_matrix, distortion_coefficients, rectification_matrix and projection_matrix")
 #: How many coefficients a lens model has. A fifth of plumb_bob is 0 where it is left out, as in OpenCV.
 _COEFFICIENTS = {"plumb_bob": (5, 4), "rational_polynomial": (8, 12, 14), "equidistant": (4,)}
 #: Most pixels along a side that make one; cameras bin up to 16.
@@ -57,6 +62,9 @@ def _parse(foreign: ForeignBytes) -> RosCamera:
     text = foreign.text()
     if text.startswith("%YAML:1.0"):
         raise RefusedError(f"is a calibration in the YAML of OpenCV, which is not read; {_FIX}.")
+    for keys, what in _OTHER_FILES:
+        if keys.search(text):
+            raise RefusedError(f"is {what}, which is not read; {_FIX}.")
     stated = _parse_mapping(text)
     model = str(stated.get("distortion_model", "plumb_bob"))
     if model not in _COEFFICIENTS:

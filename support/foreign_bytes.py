@@ -12,6 +12,7 @@ Parsers use no unanchored regular expression on foreign text; ``lines`` splits i
 from __future__ import annotations
 
 import codecs
+import errno
 import io
 import json
 import math
@@ -216,6 +217,8 @@ def read(path: Path, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: st
     try:
         stream = system.retry(lambda: system.open_regular(path))
     except (OSError, ValueError) as error:
+        if isinstance(error, OSError) and error.errno == errno.EINVAL:  # a pipe, whose content may be right
+            fix = "put a regular file in its place"
         raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {fix}.") from None
     with stream:
         size = stream.seek(0, io.SEEK_END)

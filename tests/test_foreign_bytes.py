@@ -146,6 +146,9 @@ def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
     for path in (tmp_path / "pipe", Path("/dev/zero"), tmp_path, tmp_path / "absent", tmp_path / "a\0b"):
         with pytest.raises(IcyMoonError, match="cannot be read"):
             read(path, lambda f: f.content(), "a file", "choose another")
+        if "\0" not in str(path) and path.exists():  # the usual fix is for its content
+            with pytest.raises(IcyMoonError, match=r"it is no regular file\); put a regular file in its place"):
+                read(path, lambda f: f.content(), "a file", "choose another")
         with pytest.raises((OSError, ValueError)):
             read_regular(path, 10)
 

@@ -32,6 +32,9 @@ from .terrain_mesh import build_mesh_from_arrays, shortest_wavelength_m
 
 #: Limits in metres outside which a ground cannot be a landing site, whatever its unit.
 _SMALLEST_M, _LARGEST_M = 1e-3, 1e5
+#: Width in metres up to which it may be a site with the ground out to its horizon, as our own exports are, where its
+#: triangles are as fine as those of a site.
+_LARGEST_HORIZON_M = 2e6
 #: Limits in metres outside which the unit is probably wrong.
 _UNLIKELY_M = (0.2, 2e4)
 _SET_SCALE = "set source.scale (0.001 for millimetres)."
@@ -137,17 +140,23 @@ def _metres(values: Any) -> str:
     return ", ".join(f"{float(v):.6g}" for v in values)
 
 
-def _check_size(path: Path, extents_m: np.ndarray, fix: str, fix_height: str) -> list[str]:
-    """Warnings of unlikely extents. Raises IcyMoonError for impossible ones."""
+def _is_fine(edge_m: float, height_m: float) -> bool:
+    """Whether triangles of this median edge show a camera at this height more than one of them."""
+    return edge_m <= _UNLIKELY_EDGE * height_m
+
+
+def _check_size(path: Path, extents_m: np.ndarray, fix: str, fix_height: str, to_horizon: bool = False) -> list[str]:
+    """Warnings of unlikely extents. Raises IcyMoonError for impossible ones; ``to_horizon`` may be wider."""
     widest, relief = float(max(extents_m[:2])), float(extents_m[2])
-    if not _SMALLEST_M <= widest <= _LARGEST_M:
-        raise IcyMoonError(f"{path}: is {widest:.3g} m wide, which is no landing site ({_SMALLEST_M:g} to "
-                           f"{_LARGEST_M:g} m); {fix}")
+    most = _LARGEST_HORIZON_M if to_horizon else _LARGEST_M
+    if not _SMALLEST_M <= widest <= most:
+        raise IcyMoonError(f"{path}: is {widest:.3g} m wide, which is no landing site ({_SMALLEST_M:g} to {most:g} "
+                           f"m); {'cut off what is far from the site.' if to_horizon and widest > most else fix}")
     if not relief <= _LARGEST_M:
         raise IcyMoonError(f"{path}: has a relief of {relief:.3g} m, which is no landing site ({_LARGEST_M:g} m at "
                            f"most); {fix_height}")
     warnings = []
-    if not _UNLIKELY_M[0] <= widest <= _UNLIKELY_M[1]:
+    if not (_UNLIKELY_M[0] <= widest <= _UNLIKELY_M[1] or (to_horizon and widest > _UNLIKELY_M[1])):
         warnings.append(f"{path.name} is {widest:.3g} m wide; if its unit is not what you meant, {fix}")
     if relief > _UNLIKELY_RELIEF * widest:
         warnings.append(f"{path.name} has a relief of {relief:.3g} m on {widest:.3g} m; if its unit is not what you "
@@ -158,7 +167,7 @@ def _check_size(path: Path, extents_m: np.ndarray, fix: str, fix_height: str) ->
 def _check_against_camera(path: Path, positions: np.ndarray, faces: np.ndarray, height_m: float, fix: str) -> list[str]:
     """A warning of a mesh that is too coarse or too small for a camera at this height above it."""
     widest, edge = float(np.ptp(positions[:, :2], axis=0).max()), subdivide.edge_length_m(positions, faces)
-    if widest >= height_m and edge <= _UNLIKELY_EDGE * height_m:
+    if widest >= height_m and _is_fine(edge, height_m):
         return []
     return [f"{path.name} is {widest:.3g} m wide with triangles of {edge:.3g} m, and the camera is {height_m:.3g} m "
             f"above it; if its unit is not what you meant, {fix}"]
@@ -188,7 +197,8 @@ def _load_mesh(path: Path, settings: Settings) -> UserGround:
                         "it is another unit.")
     positions, axis = turned_up(positions * source.scale, kind, source.up_axis)
     before = check.examine(positions, faces)
-    unlikely = _check_size(path, np.array(before.extents_m), _SET_SCALE, "fix the vertices that stand out.")
+    fine = _is_fine(subdivide.edge_length_m(positions, faces), float(settings.rig.height_m))
+    unlikely = _check_size(path, np.array(before.extents_m), _SET_SCALE, "fix the vertices that stand out.", fine)
     if before.area_m2 <= 0.0 or before.degenerate_faces == before.triangles:
         raise IcyMoonError(f"{path}: none of its {before.triangles} faces has an area; export the mesh again.")
     if before.non_finite_vertices and not source.repair:

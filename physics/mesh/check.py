@@ -143,7 +143,7 @@ def examine(positions: np.ndarray, faces: np.ndarray) -> MeshReport:
     facing = np.abs(normals).sum(axis=0)
     return MeshReport(
         vertices=len(positions), triangles=len(faces), non_finite_vertices=int((~finite).sum()),
-        degenerate_faces=int(_degenerate(twice, size).sum()),
+        degenerate_faces=int(_degenerate(positions, good, twice).sum()),
         duplicate_vertices=int(finite.sum()) - len(find_equal_rows(positions[finite])[0]),
         duplicate_faces=len(good) - len(find_equal_rows(np.sort(good, axis=1))[0]),
         boundary_edges=len(rim), boundary_loops=_count_groups(loops),
@@ -153,9 +153,14 @@ def examine(positions: np.ndarray, faces: np.ndarray) -> MeshReport:
         extents_m=(float(size[0]), float(size[1]), float(size[2])), up=_AXES[int(np.argmax(facing))])
 
 
-def _degenerate(twice_area: np.ndarray, extents: np.ndarray) -> np.ndarray:
-    """Which faces have no area within the rounding of single precision."""
-    return twice_area <= 1e-14 * max(float(extents.max()), 1e-30) ** 2
+def _degenerate(positions: np.ndarray, faces: np.ndarray, twice_area: np.ndarray) -> np.ndarray:
+    """Which faces of finite vertices have no area within the rounding of single precision, which grows with the
+    distance from the middle: a site with its ground out to the horizon has fine triangles there."""
+    if not len(faces):
+        return np.zeros(0, bool)
+    middle = np.median(positions[np.isfinite(positions).all(axis=1)], axis=0)
+    away = np.abs(positions - middle).max(axis=1)
+    return np.asarray(twice_area <= 1e-14 * np.maximum(away[faces].max(axis=1), 1e-30) ** 2)
 
 
 def repair(positions: np.ndarray, faces: np.ndarray,
@@ -175,8 +180,7 @@ def repair(positions: np.ndarray, faces: np.ndarray,
     index = np.zeros(len(positions), np.int64)
     index[finite] = which
     faces = index[faces]
-    extents = np.ptp(kept, axis=0) if len(kept) else np.zeros(3)
-    solid = ~_degenerate(np.linalg.norm(face_normals(kept, faces), axis=1), extents)
+    solid = ~_degenerate(kept, faces, np.linalg.norm(face_normals(kept, faces), axis=1))
     faces, of_face = faces[solid], of_face[solid]
     once = np.sort(find_equal_rows(np.sort(faces, axis=1))[0])
     faces, of_face = faces[once], of_face[once]

@@ -15,6 +15,7 @@ from typing import Any
 
 from ... import system
 from ...errors import IcyMoonError
+from ...files import is_of_file_manager
 
 #: Folder of a data set with what a program gave as arrays: heights, albedos, rocks.
 INPUTS = "inputs"
@@ -30,9 +31,8 @@ _OUR_NAMES = {
     "claims": re.compile(rf"{_CLAIM}({_UNFINISHED})?"),
     "pairs/*": re.compile(rf"pair\.json{_UNFINISHED}"),
 }
-#: Files of a pair, and what file managers leave in any folder.
-_PAIR_FILES = re.compile(rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth)?\.exr|workspace\.npy"
-                         r"|\.DS_Store|Thumbs\.db|desktop\.ini")
+#: Files of a pair.
+_PAIR_FILES = re.compile(rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth)?\.exr|workspace\.npy")
 
 
 def checked_id(value: Any, where: object) -> str:
@@ -97,7 +97,8 @@ def list_foreign(folder: Path) -> list[str]:
     if not folder.is_dir():
         return ["what is"] if folder.exists() else []
     return [entry.name for entry in sorted(folder.iterdir())
-            if not _PAIR_FILES.fullmatch(entry.name) or entry.is_symlink() or not entry.is_file()]
+            if not (_PAIR_FILES.fullmatch(entry.name) or is_of_file_manager(entry.name))
+            or entry.is_symlink() or not entry.is_file()]
 
 
 def remove_ours(path: Path, dataset: Path) -> bool:

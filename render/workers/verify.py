@@ -10,7 +10,7 @@ from typing import Any
 
 from ...errors import IcyMoonError, describe_error
 from ...file_shapes import FILE_NAME, SHA256, Each, find_fault
-from ...files import quote, read_text, sha256
+from ...files import list_put_there, quote, read_text, sha256
 from ...formats.exr_layout import read_sizes
 from ...number_text import count_of
 from ...physics.camera.blur import blur_identity
@@ -113,10 +113,27 @@ def _find_unplanned(dataset: Path) -> dict[str, None]:
     """The ids of the pairs of a data set that has no plan, as of ``icymoon render``."""
     found = dict.fromkeys(path.name for path in sorted((dataset / "pairs").glob("*"))
                           if is_of_a_pair(path) and not is_unfinished(path))
+    renamed = [path.parent for path in list_put_there(dataset / "pairs", "*/pair.json")]
+    if not found and renamed:
+        raise IcyMoonError(_describe_misplaced(renamed[0]) or f"{renamed[0]} has the name of no pair, and its "
+                           "pair.json cannot be read; remove it.")
     if not found:
         raise IcyMoonError(f"{dataset} has no {PLAN} and no pairs; give the folder of a data set, which icymoon batch "
                            "or icymoon render made.")
     return found
+
+
+def _describe_misplaced(folder: Path) -> str:
+    """What to do with a whole pair that has another name than its id; empty for anything else."""
+    try:
+        own = read_pair(folder).id
+    except IcyMoonError:
+        return ""
+    if folder.name == own:
+        return ""
+    if (folder.parent / own).exists():
+        return f"{folder} is pair {own} again, under another name; move it out of the data set."
+    return f"{folder} is pair {own} under another name; call it {own}, or move it out of the data set."
 
 
 class _Shared:
@@ -295,7 +312,7 @@ def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set
                       "its place.")
         return
     checksums: dict[str, str] = {}
-    for path in sorted(folder.glob("*")):
+    for path in list_put_there(folder):
         parts = parse_name(path.name)
         if is_unfinished(path) and path.name.split("-")[0].split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
@@ -334,7 +351,7 @@ def _is_edited(folder: Path) -> bool:
 def _check_other_files(dataset: Path, planned: Collection[str], working: set[str], has_plan: bool
                        ) -> Iterator[Problem]:
     """What lies in the folder and belongs to no planned pair."""
-    for path in sorted((dataset / "pairs").glob("*")):
+    for path in list_put_there(dataset / "pairs"):
         name = path.name.split(".")[0]
         if is_unfinished(path):
             aside = _may_be_intact(path) and not is_complete(path.with_name(name))
@@ -346,9 +363,9 @@ def _check_other_files(dataset: Path, planned: Collection[str], working: set[str
             yield Problem("edited", path.name, f"Pair {path} was edited by hand: its settings do not determine its "
                           "images, and no plan has it.")
         elif name not in planned or path.name != name:
-            yield Problem("foreign", path.name, f"{path} is {'not of this plan' if has_plan else 'no pair'}; move it "
-                          "out of the data set.")
-    for path in sorted((dataset / CLAIMS_FOLDER).glob("*")):
+            yield Problem("foreign", path.name, _describe_misplaced(path) or (
+                f"{path} is {'not of this plan' if has_plan else 'no pair'}; move it out of the data set."))
+    for path in list_put_there(dataset / CLAIMS_FOLDER):
         if is_unfinished(path):
             if path.name.split(".")[0] not in working:
                 yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
@@ -356,7 +373,7 @@ def _check_other_files(dataset: Path, planned: Collection[str], working: set[str
             yield Problem("foreign", path.name, f"{path} is no claim.")
         elif path.name.split(".")[0] not in working:
             yield Problem("leftover", path.name, f"{path} is the claim of a process that is gone.", path)
-    for path in sorted(dataset.glob("*")):
+    for path in list_put_there(dataset):
         if is_unfinished(path):
             yield Problem("leftover", path.name, f"{path} was left unfinished.", path)
         elif path.name not in _OUR_FILES:

@@ -22,7 +22,7 @@ from ..images.exr_header import EXR, parse_channels
 from ..images.image_files import parse_pfm, read_pfm
 from ..images.image_headers import MOST_IMAGE_MEMORY, PNG, Encoded, check_size, parse_picture, parse_png
 from ..images.image_values import to_8_bit
-from .map_channels import choose_array, choose_channel, find_stated
+from .map_channels import choose_array, choose_channel, colours_beside, find_stated, refuse_picture
 
 #: Bytes of a text.
 MOST_TEXT = 2**20
@@ -195,8 +195,15 @@ def _parse_exr(foreign: ForeignBytes, file: MapFile) -> np.ndarray:
     channels = parse_channels(foreign)
     names = [channel.full_name for channel in channels]
     name = find_stated(names, file.channel) if file.channel else choose_channel(names, file.kind, file.predicted)
-    channel = channels[names.index(name)]
-    return decode_exr(file.path, channel, foreign.budget.most - foreign.budget.left)
+
+    def decoded(name: str) -> np.ndarray:
+        return decode_exr(file.path, channels[names.index(name)], foreign.budget.most - foreign.budget.left)
+
+    found = decoded(name)
+    for colour in () if file.channel else colours_beside(name, names):
+        if not np.array_equal(decoded(colour), found, equal_nan=True):
+            refuse_picture(name, names, file.kind, file.predicted)
+    return found
 
 
 def _parse_npz(foreign: ForeignBytes, file: MapFile) -> np.ndarray:

@@ -24,12 +24,13 @@ from ..images.disparity_and_occlusion import ESTIMATED, MASK, visible_in_right
 from ..images.image_values import describe_size, to_grey
 from ..matchers.search_range import FIXED, MOST_PX, STEP_PX, SearchRange
 from ..measure.by_pixel_class import OCCLUSION, classify, texture
-from ..measure.fit_check import Places, find_places, is_confirmed, ray_lengths, without_far_plateau
+from ..measure.fit_check import Places, find_places, is_confirmed, ray_lengths
 from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from ..measure.self_check import SelfCheck
 from .data_files import MapFile, read_image, read_map, read_radiance
 from .input_faults import WRONG_SIGN, check_map_size, check_truth, doubt_brightness, doubt_camera
+from .markers import find_markers, is_possible
 from .turned_images import find_turned, refuse_turned
 from .visibility import Mask, check_right_truth, read_mask, right_camera
 
@@ -96,9 +97,9 @@ class ForeignPair:
                                f"{camera.height_px} px; give the calibration of these images.")
         grey = to_grey(left), to_grey(right)
         places = find_places(*grey)
-        disparity, notes, warnings = self._true_disparity(camera, left, places, turned)
+        disparity, markers, notes, warnings = self._true_disparity(camera, left, places, turned)
         truth = camera.depth(disparity)
-        visible, known, doubts = self._visible(disparity, truth, camera, left)
+        visible, known, doubts = self._visible(disparity, truth, camera, left, markers)
         gradient = texture(grey[0])
         classes = classify(truth, visible, gradient, grey[0], None, None, None)
         if not known:
@@ -120,25 +121,42 @@ class ForeignPair:
         level = np.clip(radiance / (self.white or float(radiance.max()) or 1.0), 0, 1)
         return np.asarray(np.rint(255 * level).astype(np.uint8))
 
-    def _true_disparity(self, camera: StereoCamera, image: np.ndarray, places: Places,
-                        turned: Mapping[Path, int]) -> tuple[np.ndarray, list[str], list[str]]:
-        """The true disparity of the left eye, notes on how it was read, and warnings about it.
+    def _true_disparity(self, camera: StereoCamera, image: np.ndarray, places: Places, turned: Mapping[Path, int]
+                        ) -> tuple[np.ndarray, tuple[float, ...], list[str], list[str]]:
+        """The true disparity of the left eye, the numbers that stand for unknown ones, notes on how it was read, and
+        warnings about it.
 
         It must confirm the images that viewers show ``turned``.
         """
-        values, notes = self._values(self.truth, camera, image, turned), []
-        if self.truth.kind == "depth":
-            values, far = without_far_plateau(values, camera, places)
-            if far is not None:
-                notes.append(f"{self.truth.path}: pixels of the one depth {far:g} m, far beyond all others, were taken "
-                             "for sky, which has no truth.")
+        values, kind = self._values(self.truth, camera, image, turned), self.truth.kind
+        markers = find_markers(values, kind, camera, places)
+        values[np.isin(values, markers)] = np.nan
+        notes = [f"{self.truth.path}: many pixels have {_describe_marker(value, kind)} to the bit, far from all others "
+                 "and not as the images show it, so it was taken for unknown." for value in markers]
         if turned:
-            if not is_confirmed(values, self.truth.kind, camera, places):
+            if not is_confirmed(values, kind, camera, places):
                 refuse_turned(turned)
             notes.append("Images state an EXIF orientation by which viewers turn them; their pixels were taken as they "
                          "are stored, which the truth confirms.")
         warnings = check_truth(self, values, camera, places)
-        return _as_disparity(values, self.truth.kind, camera), notes, warnings
+        disparity, doubts = self._possible(_as_disparity(values, kind, camera))
+        return disparity, markers, notes, [*warnings, *doubts]
+
+    def _possible(self, disparity: np.ndarray) -> tuple[np.ndarray, list[str]]:
+        """The disparities that two images of this width can have, NaN for the others, and a warning if there are some.
+
+        Raises IcyMoonError if no other remains.
+        """
+        fits = is_possible(disparity)
+        if fits.all():
+            return disparity, []
+        width, what = disparity.shape[1], "depths" if self.truth.kind == "depth" else "disparities"
+        if not np.isfinite(disparity[fits]).any():
+            raise IcyMoonError(f"{self.truth.path} has {what} by which no point is in both images of {width} px; "
+                               "correct them, or the steps, the focal length or the baseline that are stated.")
+        return np.where(fits, disparity, np.nan), [
+            f"{self.truth.path} has {what} by which points are {width} px and more apart in images of that width, "
+            f"which cannot be; these {100 * np.mean(~fits):.2g} % of the pixels were taken for unknown."]
 
     def _values(self, file: MapFile, camera: StereoCamera, image: np.ndarray,
                 turned: Mapping[Path, int] = MappingProxyType({})) -> np.ndarray:
@@ -152,17 +170,19 @@ class ForeignPair:
         known = np.isfinite(values)
         return -values if self.either_sign and known.any() and np.mean(values[known] < 0) >= WRONG_SIGN else values
 
-    def _visible(self, disparity: np.ndarray, truth: np.ndarray, camera: StereoCamera,
-                 image: np.ndarray) -> tuple[np.ndarray, bool, list[str]]:
+    def _visible(self, disparity: np.ndarray, truth: np.ndarray, camera: StereoCamera, image: np.ndarray,
+                 markers: tuple[float, ...]) -> tuple[np.ndarray, bool, list[str]]:
         """Where the right eye sees the point of a pixel too, whether that is known of more than the frame, and warnings
-        about it."""
+        about it; ``markers`` stand for unknown values in the truth."""
         inside = np.isfinite(truth) & is_in_frame(matching_column(disparity))
         if self.mask:
             return inside & read_mask(self.mask, disparity), True, []
         if self.truth_right:
             values = self._values(self.truth_right, right_camera(camera), image)
+            values[np.isin(values, markers)] = np.nan
             warnings = check_right_truth(self.truth_right, values, camera, disparity)
-            other = camera.depth(_as_disparity(values, self.truth_right.kind, camera))
+            seen = _as_disparity(values, self.truth_right.kind, camera)
+            other = camera.depth(np.where(is_possible(seen), seen, np.nan))
             return visible_in_right(truth, other, camera), True, warnings
         return inside, False, []
 
@@ -216,6 +236,10 @@ def find_pair(name: str, folder: Path, left: Path, find: Callable[[], ForeignPai
         return find()
     except IcyMoonError as error:
         return UnusablePair(name, folder, left, str(error))
+
+
+def _describe_marker(value: float, kind: str) -> str:
+    return f"the depth {value:g} m" if kind == "depth" else f"the disparity {value:g} px"
 
 
 def _as_disparity(values: np.ndarray, kind: str, camera: StereoCamera) -> np.ndarray:

@@ -19,6 +19,7 @@ from functools import partial
 from pathlib import Path
 
 from ...errors import IcyMoonError
+from ...files import list_put_there
 from ...render.pairs.pair_folder import StereoCamera
 from . import calibrations
 from .data_files import MapFile, find_inside
@@ -55,7 +56,8 @@ def find_foreign_pairs(path: Path) -> list[FoundPair]:
     for pair in found:
         other = names.setdefault(pair.name, pair)
         if other is not pair:
-            raise IcyMoonError(f"{other.left} and {pair.left} would both be called {pair.name}; rename one.")
+            raise IcyMoonError(f"{other.left} and {pair.left} would both be called {pair.name}; rename the "
+                               "files or the folder of one of them.")
     return found
 
 
@@ -79,7 +81,7 @@ def _kitti_2012(path: Path) -> list[FoundPair]:
 
 def _kitti_pairs(root: Path, layout: str, eyes: tuple[str, str], truths: tuple[str, str], calibration: str,
                  matrices: tuple[str, str]) -> Iterator[FoundPair]:
-    for image in sorted((root / eyes[0]).glob("*_10.png")):
+    for image in list_put_there(root / eyes[0], "*_10.png"):
         if _KITTI_FRAME.fullmatch(image.name):
             yield find_pair(image.stem, root, image,
                             partial(_kitti_pair, root, image, layout, eyes[1], truths, calibration, matrices))
@@ -105,7 +107,7 @@ def _folders_with(path: Path, name: str) -> list[Path]:
     """The folder itself, or the folders in it, in which there is a file of this name."""
     if (path / name).is_file():
         return [path]
-    return sorted(file.parent for file in path.glob(f"*/{name}"))
+    return [file.parent for file in list_put_there(path, f"*/{name}")]
 
 
 def _folder_name(root: Path, folder: Path) -> str:
@@ -135,7 +137,7 @@ def _sceneflow(path: Path) -> list[FoundPair]:
     if not passes or not (root / "disparity").is_dir():
         return []
     # Its pictures come as PNG or as WebP.
-    images = next(filter(None, (sorted((root / passes[0]).glob(f"**/left/*.{kind}")) for kind in ("png", "webp"))), [])
+    images = next(filter(None, (list_put_there(root / passes[0], f"**/left/*.{kind}") for kind in ("png", "webp"))), [])
     found = []
     for image in images:
         inner = image.relative_to(root / passes[0])
@@ -175,7 +177,7 @@ def _sintel(path: Path) -> list[FoundPair]:
         raise IcyMoonError(f"{root / 'camdata_left'} is missing, and without its focal lengths disparities give no "
                            "depths; add this folder of Sintel's depth data.")
     found = []
-    for image in sorted((root / passes[0]).glob("*/*.png")):
+    for image in list_put_there(root / passes[0], "*/*.png"):
         inner = image.relative_to(root / passes[0])
         name = safe_name("-".join((inner.parent.name, inner.stem)))
         found.append(find_pair(name, root, image, partial(_sintel_pair, root, passes[0], inner, name)))
@@ -196,7 +198,7 @@ def _sintel_pair(root: Path, rendering: str, inner: Path, name: str) -> ForeignP
 
 def _guiss(path: Path) -> list[FoundPair]:
     found = []
-    for depth in sorted((*path.glob("*_left.npy"), *path.glob("*/*_left.npy"))):
+    for depth in sorted((*list_put_there(path, "*_left.npy"), *list_put_there(path, "*/*_left.npy"))):
         left, right = (depth.with_name(depth.name.replace("_left.npy", f"_{eye}.png")) for eye in ("left", "right"))
         if not left.exists():
             continue

@@ -41,9 +41,25 @@ def choose_channel(names: Sequence[str], kind: str, predicted: bool = False) -> 
         if group:
             return group[0]
     raise RefusedError(f"has the channels {_listed(names)}, and none is called as one with {_plural(kind)}; "
-                       + (f"write them as the channel {kind}.Y." if predicted else
-                          f"write the {_plural(kind)} as the channel {kind}.Y, or state theirs as truth.channel in "
-                          "pairs.toml."))
+                       f"{_ask_for_channel(kind, predicted)}")
+
+
+def colours_beside(name: str, names: Sequence[str]) -> list[str]:
+    """The other colours of the picture that a channel is one of, if it is."""
+    layer, dot, own = name.rpartition(".")
+    others = [layer + dot + colour for colour in _COLOURS if own in _COLOURS and colour != own]
+    return [each for each in others if each in names]
+
+
+def refuse_picture(name: str, names: Sequence[str], kind: str, predicted: bool = False) -> None:
+    """Raise RefusedError, since a channel is one of different colours: a map may come as three equal ones only."""
+    raise RefusedError(f"has the channels {_listed(names)}, of which {shorten(name)} is a colour of a picture and none "
+                       f"is called as one with {_plural(kind)}; {_ask_for_channel(kind, predicted)}")
+
+
+def _ask_for_channel(kind: str, predicted: bool) -> str:
+    return (f"write them as the channel {kind}.Y." if predicted else
+            f"write the {_plural(kind)} as the channel {kind}.Y, or state theirs as truth.channel in pairs.toml.")
 
 
 def find_stated(names: Sequence[str], stated: str) -> str:

@@ -30,6 +30,7 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...file_shapes import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record
+from ...files import list_put_there
 from ...render.pairs.pair_folder import StereoCamera
 from ...suggestions import nearest
 from ...support.foreign_bytes import parse_toml
@@ -122,7 +123,7 @@ def _names(root: Path, pattern: str) -> list[str]:
     wildcard = "*".join(glob.escape(part) for part in pattern.split(_PLACE))
     first, *rest = (re.escape(part) for part in pattern.split(_PLACE))
     matching = re.compile(first + r"(?P<pair>[^/]+?)" + "(?P=pair)".join(rest))
-    found = (matching.fullmatch(file.relative_to(root).as_posix()) for file in root.glob(wildcard))
+    found = (matching.fullmatch(file.relative_to(root).as_posix()) for file in list_put_there(root, wildcard))
     return sorted({match["pair"] for match in found if match})
 
 

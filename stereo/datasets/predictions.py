@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...files import is_of_file_manager
 from ..matchers import complete_options
 from ..matchers.methods import Method, describe_method
 from ..measure.costs import COSTS
@@ -18,6 +19,7 @@ from ..measure.metrics import usable
 from ..measure.prepare import Prepared
 from .data_files import MapFile, find_inside, read_map
 from .input_faults import check_prediction
+from .markers import is_possible
 
 #: The name of such a method where others have the name of their matcher.
 PREDICTION = "prediction"
@@ -86,7 +88,7 @@ def _find_misnamed(root: Path, pair: str) -> Path | None:
     named = re.compile(rf"(?<![A-Za-z0-9]){re.escape(pair)}(?![A-Za-z0-9])")
     try:
         found = [path for path in islice(root.iterdir(), _LOOKED_THROUGH)
-                 if path.suffix in ENDINGS and named.search(path.stem)]
+                 if path.suffix in ENDINGS and named.search(path.stem) and not is_of_file_manager(path.name)]
     except OSError:
         return None
     return found[0] if len(found) == 1 else None
@@ -100,6 +102,7 @@ def read_prediction(method: Method, prepared: Prepared) -> tuple[np.ndarray, dic
     path = find_prediction(method, prepared.pair.name)
     disparity = read_map(MapFile(path, predicted=True))
     check_prediction(path, disparity, prepared.truth, prepared.pair.camera)
-    return np.where(usable(disparity), disparity, np.nan).astype(np.float32), {
+    found = usable(disparity) & is_possible(disparity)
+    return np.where(found, disparity, np.nan).astype(np.float32), {
         "method": PREDICTION, "options": options_of(method), **dict.fromkeys(COSTS), "arrays": {}, "counts": {},
         "facts": {}, "search": None}

@@ -47,6 +47,7 @@ from .radiance_factor import write_fits, write_tiff
 from .raw import write_raw
 from .ros_bag import write_ros2
 from .training import write_sceneflow, write_webdataset
+from .whole_folders import filled
 
 Event = Callable[[dict[str, Any]], None]
 #: Writes all pairs in a layout to a folder.
@@ -334,8 +335,12 @@ def coco_annotations(instance: np.ndarray | None, semantic: np.ndarray | None) -
 
 
 def _pair_by_pair(write: Callable[[Loaded, Path], Sequence[Loss] | None]) -> Format:
-    """A layout in which each pair is written on its own."""
-    return lambda each, out: each(lambda pair: write(pair, out))
+    """A layout in which each pair is written on its own, to a folder that is there if it is whole."""
+    def write_whole(pair: Loaded, out: Path) -> Sequence[Loss] | None:
+        with filled(out, pair.pair.folder.name) as part:
+            return write(pair, part)
+
+    return lambda each, out: each(lambda pair: write_whole(pair, out))
 
 
 FORMATS: dict[str, Format] = {

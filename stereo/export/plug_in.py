@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,10 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...files import explain_disk_errors, part_of
 from ...plugins.installed import Found, Plugin, explained, find, function_of, load
-from ...system import flush, remove_folder, replace
 from ..measure.prepare import Loaded
 from . import EXPORTS
+from .whole_folders import filled
 
 
 def find_plugins() -> Found:
@@ -84,7 +82,7 @@ class PluginExport:
 
     def write_pair(self, pair: ExportedPair, out: Path) -> list[Path]:
         """Write a pair to its folder in ``out``; the files. Raises IcyMoonError if the plug-in fails or writes none."""
-        with self._filled(out / pair.name) as folder:
+        with filled(out / pair.name) as folder:
             with explained(self.plugin):
                 self._write(pair, folder)
             if not any(path.is_file() for path in folder.rglob("*")):
@@ -95,23 +93,5 @@ class PluginExport:
     def finish(self, names: list[str], out: Path) -> None:
         """Let the plug-in write what belongs to all pairs, if it does, into ``out`` itself."""
         if callable(self._finish):
-            with self._filled(out) as folder, explained(self.plugin):
+            with filled(out) as folder, explained(self.plugin):
                 self._finish(names, folder)
-
-    @contextmanager
-    def _filled(self, target: Path) -> Iterator[Path]:
-        """A folder to fill. Its files come to ``target`` once all of them are written, so that none is half there."""
-        part = part_of(target)
-        with explain_disk_errors("write", target):
-            part.mkdir(parents=True)
-        try:
-            yield part
-            with explain_disk_errors("write", target):
-                for path in sorted(part.rglob("*")):
-                    if path.is_file() and not path.is_symlink():
-                        place = target / path.relative_to(part)
-                        place.parent.mkdir(parents=True, exist_ok=True)
-                        flush(path)
-                        replace(path, place)
-        finally:
-            remove_folder(part)

@@ -40,13 +40,27 @@ class Lens:
         """Rendered radiance, of any number of bands, on the pixels of the rectified image; 0 where there is none."""
         return np.nan_to_num(_remapped(radiance, self.rectified_in_rendered))
 
-    def truth_of_sensor(self, values: np.ndarray) -> np.ndarray:
-        """The truth at the sensor's pixels: that of the nearest rendered pixel, never a mean; NaN outside."""
-        height, width = values.shape
+    def depth_of_sensor(self, depth: np.ndarray) -> np.ndarray:
+        """The planar depth at the sensor's pixels, of a rendered one (H, W); NaN outside and where it is NaN.
+
+        Within a surface 1 / depth is interpolated linearly, which is exact on planes. Between surfaces it is that of
+        the nearest rendered pixel, never a mean.
+        """
+        height, width = depth.shape
         inside = _inside(self.sensor_in_rendered, (width, height), 0.5)
-        column, row = np.rint(np.where(inside[..., None], self.sensor_in_rendered, 0)).astype(np.intp).transpose(
-            2, 0, 1)
-        return np.where(inside, values[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)], np.nan)
+        place = np.where(inside[..., None], self.sensor_in_rendered, 0).astype(np.float64)
+        column, row = np.clip(np.rint(place).astype(np.intp), 0, [width - 1, height - 1]).transpose(2, 0, 1)
+        nearest = np.where(inside, depth[row, column], np.nan)
+        if width < 2 or height < 2:
+            return nearest
+        left, top = np.clip(np.floor(place).astype(np.intp), 0, [width - 2, height - 2]).transpose(2, 0, 1)
+        right_share, bottom_share = place[..., 0] - left, place[..., 1] - top
+        inverse = 1 / depth.astype(np.float64)
+        upper, lower = ((1 - right_share) * inverse[line, left] + right_share * inverse[line, left + 1]
+                        for line in (top, top + 1))
+        between = (1 - bottom_share) * upper + bottom_share * lower
+        usable = inside & _within_surfaces(inverse)[top, left] & (between > 0)
+        return np.where(usable, 1 / np.where(usable, between, 1.0), nearest)
 
     @property
     def sees(self) -> np.ndarray:
@@ -89,6 +103,27 @@ def _turned(points: np.ndarray, rotation: np.ndarray, k: tuple[float, ...]) -> n
     seen = np.where(ahead, rays[..., :2] / np.where(ahead, rays[..., 2:], 1.0), np.nan)
     back = undistort(distort(seen, k), k)
     return np.where(np.abs(back - seen) < 1e-6 * (1 + np.abs(seen)), seen, np.nan)
+
+
+#: Two neighbours are of one surface if their inverse depths differ at most by so many times what those beside them do,
+#: more by this share.
+_STEEPER, _UNEVEN = 2.0, 0.01
+
+
+def _within_surfaces(inverse: np.ndarray) -> np.ndarray:
+    """Boolean (H - 1, W - 1): the pixel, the one beside it and the two below are of one surface, by inverse depths
+    (H, W), NaN where there is nothing."""
+    across, down = _are_continued(inverse), _are_continued(inverse.T).T
+    return across[:-1] & across[1:] & down[:, :-1] & down[:, 1:]
+
+
+def _are_continued(inverse: np.ndarray) -> np.ndarray:
+    """Boolean (H, W - 1): the step to the next pixel of a row is like the smaller one of the steps before and behind
+    it, as on a plane; false for NaN."""
+    step = np.abs(np.diff(inverse, axis=1))
+    padded = np.pad(np.nan_to_num(step, nan=np.inf), ((0, 0), (1, 1)), constant_values=np.inf)
+    beside = np.minimum(padded[:, :-2], padded[:, 2:])
+    return step <= _STEEPER * beside + _UNEVEN * np.fmin(inverse[:, 1:], inverse[:, :-1])
 
 
 def _inside(where: np.ndarray, size: tuple[int, int], reach: float) -> np.ndarray:

@@ -61,7 +61,7 @@ def read_sensor_depth(pair: Pair, eye: str, rig: RigSettings) -> np.ndarray:
     depth = scene_depth(read_truth(path, eye))
     _check_size(pair, path, depth)
     lens = lens_of(pair.camera, rig, eye)
-    seen = pair.camera.cropped(depth) if lens is None else lens.truth_of_sensor(depth)
+    seen = pair.camera.cropped(depth) if lens is None else lens.depth_of_sensor(depth)
     return np.asarray(seen.astype(np.float32))
 
 

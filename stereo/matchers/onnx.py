@@ -3,8 +3,8 @@
 ``model`` is the file. The network gets both images: as two inputs, named after left and right or in this order, as one
 input with the channels of both, or as four of two sizes. Its output is the disparity of the left image. An input of
 fixed size gets the images resized, and the disparities are scaled back; one of any size gets them padded to a
-``multiple``. Before the first pair, the network matches a texture that is shifted by 7 px: this finds a wrong sign or
-scale.
+``multiple``. Before the first pair, the network matches a texture that is shifted by 7 and by 12 px: this finds a wrong
+sign or scale, exchanged inputs, and a network that always answers the same.
 """
 
 from __future__ import annotations
@@ -38,9 +38,11 @@ OPTIONS = (
     Option("multiple", 32, "Images are padded to a multiple of this, px, if their size is free", 1, 1024),
     Option("sign", "positive", "Sign of the network's disparities; RAFT-Stereo has negative ones",
            choices=("positive", "negative")),
+    Option("swap", "no", "Whether the network gets the right image as the left one, and the left one as the right",
+           choices=("no", "yes")),
     Option("scale", 1.0, "Factor from the network's numbers to px of the image that it gets", 1e-6, 1e6),
     Option("output", 0, "Which output is the disparity, from 0", 0, 99),
-    Option("test", "shift", "What is checked before the first pair: that the network finds a shift of 7 px",
+    Option("test", "shift", "What is checked before the first pair: that the network finds shifts of 7 and 12 px",
            choices=("shift", "none")),
     Option("device", "auto", "Where the network runs; auto takes CUDA if ONNX Runtime has it",
            choices=("auto", "cpu", "cuda")),
@@ -53,14 +55,16 @@ PRESETS: dict[str, dict[str, Any]] = {}
 
 #: For pip: the first version with wheels for numpy 2, and the next major version.
 REQUIREMENT = "onnxruntime>=1.19,<2"
-_SHIFT_PX = 7
+#: Of the test: two, since a network that always answers the same has a factor to one of them.
+_SHIFTS_PX = (7, 12)
 #: Of an input of fixed size: images are resized to it.
 _MOST_PIXELS = 2**25
 #: Pixels of an input that may take ``timeout_s``; the test's input has fewer.
 _TIMED_PIXELS = 100_000
 _TEST_SHAPE = 256, 384
-#: How far the median of the disparities of the test may be from its shift.
-_TOLERANCE_PX = 1.0
+#: How far the median of the disparities of the test may be from its shift, and a ratio of two of them from that of the
+#: shifts, as a share.
+_TOLERANCE_PX, _TOLERANCE_SHARE = 1.0, 0.15
 _MEAN, _SPREAD = (np.array(values, np.float32) for values in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)))
 _TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(uint8)": np.uint8,
           "tensor(double)": np.float64}
@@ -201,7 +205,7 @@ def _run(network: _Network, left: np.ndarray, right: np.ndarray,
     height, width = left.shape[:2]
     multiple = options["multiple"]
     run_height, run_width = network.fixed or (height + -height % multiple, width + -width % multiple)
-    images = {"left": left, "right": right}
+    images = {"left": left, "right": right} if options["swap"] == "no" else {"left": right, "right": left}
     if network.fixed is None:
         images = {eye: np.pad(image, ((0, run_height - height), (0, run_width - width), (0, 0)), mode="edge")
                   for eye, image in images.items()}
@@ -273,34 +277,52 @@ def _plane(network: _Network, outputs: Sequence[np.ndarray], options: dict[str, 
 
 def _test(network: _Network, options: dict[str, Any]) -> None:
     """Raise IcyMoonError unless the network finds how far a texture is shifted."""
+    found = _find_shifts(network, options)
+    if _are_shifts(found):
+        return
+    listed, shifts = (" and ".join(f"{each:.4g}" for each in values) for values in (found, _SHIFTS_PX))
+    raise IcyMoonError(f"onnx.model {_path(options).name} finds {listed} px where the images are shifted by {shifts} "
+                       f"px; {_advise(network, found, options)}.")
+
+
+def _find_shifts(network: _Network, options: dict[str, Any]) -> tuple[float, ...]:
+    """The median disparities that a network finds for each of ``_SHIFTS_PX``."""
     height, width = network.fixed or _TEST_SHAPE
+    most = max(_SHIFTS_PX)
     # Squares of several sizes: as fine as a pixel, and as coarse as what a network sees at a sixteenth of the size.
     random = np.random.default_rng(0)
-    texture = np.zeros((height, width + _SHIFT_PX, 3), np.float32)
+    texture = np.zeros((height, width + most, 3), np.float32)
     for side, weight in ((1, 20.0), (2, 30.0), (4, 40.0), (8, 40.0), (16, 40.0)):
-        squares = random.normal(0, weight, (-(-height // side), -(-(width + _SHIFT_PX) // side), 3))
-        texture += np.kron(squares, np.ones((side, side, 1)))[:height, :width + _SHIFT_PX]
+        squares = random.normal(0, weight, (-(-height // side), -(-(width + most) // side), 3))
+        texture += np.kron(squares, np.ones((side, side, 1)))[:height, :width + most]
     image = np.clip(texture + 128, 0, 255).astype(np.uint8)
-    # A point at column x of the left image is at x - 7 of the right one.
-    left, right = image[:, :width], image[:, _SHIFT_PX:]
-    disparity = _run(network, left, right, options)[0]
-    inner = disparity[height // 8:height - height // 8, width // 8:width - width // 8]
-    found = float(np.median(inner))
-    if abs(found - _SHIFT_PX) <= _TOLERANCE_PX:
-        return
-    raise IcyMoonError(f"onnx.model {_path(options).name} finds {found:.4g} px where the images are shifted by "
-                       f"{_SHIFT_PX} px; {_advise(found, options)}.")
+    found = []
+    for shift in _SHIFTS_PX:
+        # A point at column x of the left image is at x less the shift of the right one.
+        disparity = _run(network, image[:, :width], image[:, shift:shift + width], options)[0]
+        inner = disparity[height // 8:height - height // 8, width // 8:width - width // 8]
+        found.append(float(np.median(inner)))
+    return tuple(found)
 
 
-def _advise(found: float, options: dict[str, Any]) -> str:
-    if abs(found + _SHIFT_PX) <= _TOLERANCE_PX:
+def _are_shifts(found: Sequence[float], factor: float = 1.0) -> bool:
+    return all(abs(factor * each - shift) <= _TOLERANCE_PX for each, shift in zip(found, _SHIFTS_PX, strict=True))
+
+
+def _advise(network: _Network, found: Sequence[float], options: dict[str, Any]) -> str:
+    """What to change, as a clause, where a network finds other shifts."""
+    if _are_shifts(found, -1.0):
         return f"give onnx.sign={'positive' if options['sign'] == 'negative' else 'negative'}"
-    if np.isfinite(found) and found != 0:
-        factor = options["scale"] * abs(_SHIFT_PX / found)
-        sign = " and the other onnx.sign" if found < 0 else ""
+    factors = [shift / each if each else np.inf for each, shift in zip(found, _SHIFTS_PX, strict=True)]
+    if np.isfinite(factors).all() and abs(factors[0] / factors[1] - 1) <= _TOLERANCE_SHARE:
+        factor = options["scale"] * abs(factors[1])
+        sign = " and the other onnx.sign" if factors[1] < 0 else ""
         return (f"look at onnx.numbers, onnx.order and onnx.output, or give onnx.scale={factor:.3g}{sign} if the "
                 "network has other units")
-    return "look at onnx.numbers, onnx.order and onnx.output"
+    other = "yes" if options["swap"] == "no" else "no"
+    if _are_shifts(_find_shifts(network, options | {"swap": other})):
+        return f"its inputs seem to be exchanged: give onnx.swap={other}"
+    return "look at onnx.numbers, onnx.order, onnx.output and onnx.swap"
 
 
 def _describe(declared: Sequence[Any]) -> str:

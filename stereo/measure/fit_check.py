@@ -40,8 +40,6 @@ _LEAST_SHARE = 0.05
 #: Share of the places that a right map explains at least, and that another one explains at most. Occluded and
 #: repeated places are missed by a right map too.
 _FITS, _FITS_NOT = 0.5, 0.25
-#: Share of an image that a plateau has at least, and by what factor it is beyond every other depth.
-_PLATEAU_SHARE, _PLATEAU_BEYOND = 0.002, 1.5
 #: Two readings differ where their disparities do by this, px. The other one is named if they differ in this share of
 #: the places, if it is nearer to most of them in so many tiles, and if its median error is so much of the stated one's.
 _DIFFERENT_PX, _DIFFERENT_SHARE, _NEARER, _LESS = 0.5, 0.2, 0.75, 0.5
@@ -205,26 +203,11 @@ def is_confirmed(values: np.ndarray, kind: str, camera: StereoCamera, places: Pl
     return places.enough() and _share(_reading(values, kind, camera), places.left, places.step) >= _FITS
 
 
-def without_far_plateau(depth_m: np.ndarray, camera: StereoCamera, places: Places) -> tuple[np.ndarray, float | None]:
-    """A depth map (H, W) with NaN at its plateau of one far value, which some programs write where a ray meets
-    nothing, and that value; None if there is no such plateau.
-
-    A plateau is the largest depth, in many pixels to the bit, and far beyond every other one. It stays if the images
-    have places there that fit: a wall.
-    """
-    known = np.isfinite(depth_m)
-    if not known.any():
-        return depth_m, None
-    far = float(depth_m[known].max())
-    plateau = known & (depth_m == far)
-    others = depth_m[known & ~plateau]
-    if plateau.mean() < _PLATEAU_SHARE or not others.size or far < _PLATEAU_BEYOND * float(others.max()):
-        return depth_m, None
-    inside = _thinned(plateau.astype(np.float64), places.step) > 0
-    there = _share(np.where(plateau, camera.disparity(depth_m), np.nan), places.left, places.step)
-    if there >= _FITS and (inside & np.isfinite(places.left)).sum() >= _FITS * inside.sum():
-        return depth_m, None
-    return np.where(plateau, np.nan, depth_m), far
+def are_seen(where: np.ndarray, disparity_px: float, places: Places) -> bool:
+    """Whether the images show most of the pixels ``where`` (H, W) at one disparity, as of a wall that faces them."""
+    inside = _thinned(where.astype(np.float64), places.step) > 0
+    there = _share(np.where(where, disparity_px, np.nan), places.left, places.step)
+    return bool(there >= _FITS and (inside & np.isfinite(places.left)).sum() >= _FITS * inside.sum())
 
 
 def ray_lengths(camera: StereoCamera) -> np.ndarray:

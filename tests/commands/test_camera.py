@@ -350,3 +350,27 @@ def test_eyes_of_two_kinds_of_camera_are_refused(tmp_path):
         paths[-1].write_text(cahvor_text(model), encoding="utf-8")
     with pytest.raises(IcyMoonError, match=r"differ by 100 px in focal length, .* rectify their images first"):
         read_rig(*paths)
+
+
+def test_toed_in_models_lead_to_the_rectified_ones_beside_them(tmp_path):
+    """As the export ``cahvor`` writes them."""
+    left, right = written(tmp_path, turn=0.02)
+    sensors = [path.rename(path.with_name(f"{path.stem}_sensor.cahvor")) for path in (left, right)]
+    with pytest.raises(IcyMoonError, match=r"by 1\.15 degrees; rectify their images first\."):
+        read_rig(*sensors)
+    rectified = [path.rename(path.with_suffix(".cahvor")) for path in written(tmp_path)]
+    with pytest.raises(IcyMoonError, match=r"give left.cahvor and right.cahvor beside.* set rig.toe_in_deg, to half"):
+        read_rig(*sensors)
+    assert read_rig(*rectified)[0].rig["baseline_m"] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(("text", "what"), [
+    ("cam0:\n  cam_overlaps: [1]\n  camera_model: pinhole\n  T_cn_cnm1:\n  - [1, 0]\n", "a camchain of Kalibr"),
+    ("header:\n  stamp:\n    sec: 17\nheight: 720\nd:\n- -0.31\n- 0.12\nk:\n- 905.2\n",
+     "CameraInfo, as ros2 topic echo"),
+    ("d:\n- -0.31\nK:\n- 905.2\n", "CameraInfo, as ros2 topic echo")])
+def test_files_that_are_like_a_calibration_of_ros_are_named(tmp_path, text, what):
+    path = tmp_path / "left.yaml"
+    path.write_text(text)
+    with pytest.raises(IcyMoonError, match=rf"is .*{what}.*, which is not read; give .*projection_matrix\."):
+        read_rig(path, path)

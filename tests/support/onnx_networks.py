@@ -17,8 +17,8 @@ _TYPES = {"float32": TensorProto.FLOAT, "float16": TensorProto.FLOAT16}
 
 def write_network(path: Path, size: tuple[int, int] | None = None, names: Sequence[str] = ("left", "right"),
                   channels: int = 3, last: bool = False, factor: float = 1.0, second: bool = False,
-                  dtype: str = "float32", half: bool = False, swapped: bool = False) -> Path:
-    """Write a network that finds disparities of 0 to 15 px times ``factor``.
+                  dtype: str = "float32", half: bool = False, swapped: bool = False, constant: float = 0.0) -> Path:
+    """Write a network that finds disparities of 0 to 15 px times ``factor``, and a ``constant`` more.
 
     ``size`` is its fixed height and width. With one name, the input has the channels of both images; with four, the
     first two are of half the size and unused but for a zero. ``last``: channels are the last axis. ``second``: there
@@ -61,7 +61,7 @@ def write_network(path: Path, size: tuple[int, int] | None = None, names: Sequen
         costs.append(add("Conv", [wrong, box], f"cost{d}", pads=[2, 2, 2, 2]))
     volume = add("Mul", [add("Concat", costs, "volume", axis=1), weight("sharp", -0.5)], "score")
     shares = add("Softmax", [volume], "shares", axis=1)
-    steps = weight("steps", factor * np.arange(STEPS).reshape(1, STEPS, 1, 1))
+    steps = weight("steps", constant + factor * np.arange(STEPS).reshape(1, STEPS, 1, 1))
     found = add("Conv", [shares, steps], "disparity")
     if half:
         found = add("AveragePool", [found], "halved", kernel_shape=[2, 2], strides=[2, 2])

@@ -242,6 +242,29 @@ def test_a_mesh_whose_unit_does_not_fit_the_camera_is_doubted(tmp_path, size, he
                             r"its unit is not what you meant, set source\.scale \(0\.001 for millimetres\)\.", said[0])
 
 
+def with_horizon(positions, faces, far_m):
+    """The mesh, and below it two triangles out to a far distance, as our exports have the ground out to the horizon."""
+    corners = [(x * far_m, y * far_m, -far_m / 50) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    n = len(positions)
+    return np.concatenate([positions, corners]), [*faces, (n, n + 1, n + 2), (n, n + 2, n + 3)]
+
+
+def test_a_site_with_the_ground_out_to_its_horizon_is_read_whole(tmp_path):
+    """119 km on Europa under a camera at 1.6 m, with relief on the horizon; the millimetres of a site are refused."""
+    positions, faces = hill()
+    fine = positions * 0.01  # triangles of 1 cm
+    path = write_ply(tmp_path / "a.ply", *with_horizon(fine, faces, 6e4))
+    settings = description.merged(own(path), {"source": {"centre": False}})
+    built = scenes.build(empty_scene(), settings)
+    assert not [warning for warning in built.warnings if "source.scale" in warning]
+    assert len(positions_of(built.terrain)) == len(positions) + 4
+    assert len(read_triangles(built.terrain)) == 2 * len(faces) + 2
+    for found, far_m, words in ((fine, 4e6, "cut off what is far from"), (positions * 2e4, 9e4, "source.scale")):
+        path = write_ply(tmp_path / "b.ply", *with_horizon(found, faces, far_m))
+        with pytest.raises(IcyMoonError, match=rf"which is no landing site .*{words}"):
+            scenes.build(empty_scene(), own(path))
+
+
 def bad_inputs(folder: Path) -> dict[str, tuple[Path, dict, str]]:
     """Name, file, settings and the words that the error must have."""
     positions, faces = hill(3)

@@ -219,3 +219,13 @@ def test_how_often_to_halve():
     assert count_halvings(1.0, 0.25, 1000, 10**9) == 2
     assert count_halvings(0.1, 1.0, 1000, 10**9) == 0
     assert count_halvings(1.0, 0.01, 1000, 70_000) == 3
+
+
+def test_fine_triangles_of_a_wide_ground_stay():
+    """A site of 1 cm triangles with ground out to a horizon at 60 km: 1 / 10^14 of the area of it all is 1 cm²."""
+    positions, faces = sheet()
+    fine = (positions - positions.mean(axis=0)) * 0.01
+    far = np.array([(-6e4, -6e4, -9), (6e4, -6e4, -9), (0, 6e4, -9)])
+    together = np.concatenate([fine, far]), np.concatenate([faces, [np.arange(3) + len(fine)]])
+    assert examine(*together).degenerate_faces == 0
+    assert len(repair(*together)[1]) == len(faces) + 1

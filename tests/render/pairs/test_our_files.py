@@ -162,7 +162,8 @@ def test_what_is_ours_goes(dataset):
     (dataset / "pairs" / ID).mkdir(parents=True)
     ours = [write_pair(part_of(dataset / "pairs" / ID), Scene(), camera(32, 24)), dataset / "pairs" / ID,
             dataset / "claims" / f"{ID}.3", part_of(dataset / "plan.jsonl"), part_of(dataset / "pairs" / ".clock")]
-    for name in ("left.exr", "right_toed_truth.exr", "pair.json", ".DS_Store", part_of(Path("pair.json")).name):
+    for name in ("left.exr", "right_toed_truth.exr", "pair.json", ".DS_Store", "._left.exr", "Thumbs.db",
+                 part_of(Path("pair.json")).name):
         (dataset / "pairs" / ID / name).write_text("")
     for path in ours[2:]:
         path.parent.mkdir(exist_ok=True)

@@ -427,3 +427,46 @@ def test_each_pair_is_read_once_and_what_all_share_is_made_once(dataset, monkeyp
     # The plan's first pair, and what differs from it, beside what is in the files.
     assert checked.count("surface") <= 2
     assert checked.count("terrain") <= 2
+
+
+def test_what_file_managers_leave_is_no_problem(dataset):
+    """In every folder of a data set, as on a disk that a Mac or Windows has shown."""
+    for folder in [dataset, *(path for path in dataset.rglob("*") if path.is_dir())]:
+        for name in (".DS_Store", "._pair.json", "._left.exr", "Thumbs.db", "desktop.ini"):
+            (folder / name).write_bytes(bytes(100))
+    assert verify(dataset) == Findings(4, 4, ())
+    (dataset / "pairs" / ".DS_Store2").write_bytes(b"")
+    assert the_problem(dataset).kind == "foreign"
+
+
+@pytest.mark.parametrize("planned", [True, False])
+def test_a_pair_under_another_name_is_told_its_own(dataset, planned, capsys):
+    if not planned:
+        without_plan(dataset)
+    first, second = (pair.folder(dataset) for pair in PAIRS[:2])
+    shutil.copytree(first, copy := first.with_name(f"{first.name} copy"))
+    problem = the_problem(dataset)
+    assert problem.text == f"{copy} is pair {first.name} again, under another name; move it out of the data set."
+    assert main(["verify", str(dataset)]) == 1
+    if not planned:
+        assert "4 of 4 pairs whole and as stated; do what each line asks for." in capsys.readouterr().err
+    shutil.rmtree(copy)
+    renamed = second.rename(second.with_name("best one"))
+    texts = [problem.text for problem in verify(dataset).problems]
+    assert f"{renamed} is pair {second.name} under another name; call it {second.name}, or move it out of the data " \
+           "set." in texts
+    renamed.rename(second)  # the fix works
+    assert verify(dataset).problems == ()
+
+
+def test_a_data_set_whose_only_pair_was_renamed_is_told_so(dataset):
+    without_plan(dataset)
+    first, *others = (pair.folder(dataset) for pair in PAIRS)
+    for folder in others:
+        shutil.rmtree(folder)
+    renamed = first.rename(first.with_name("best"))
+    with pytest.raises(IcyMoonError, match=f"best is pair {first.name} under another name; call it {first.name}"):
+        verify(dataset)
+    (renamed / "pair.json").write_text("{")
+    with pytest.raises(IcyMoonError, match=r"best has the name of no pair, and its pair.json cannot be read"):
+        verify(dataset)

@@ -184,3 +184,22 @@ def test_several_data_sets_at_once_need_different_names(tmp_path):
 def test_pairs_of_a_sequence_are_one_scene_and_others_are_not(tmp_path):
     root = foreign.kitti_2015(tmp_path, frames=3)
     assert len({source.prepare({}).facts["scene"] for source in find_sources([root])}) == 3
+
+
+@pytest.mark.parametrize("layout", [
+    foreign.kitti_2015, foreign.kitti_2012, foreign.middlebury, foreign.sceneflow, foreign.sintel, foreign.guiss,
+    lambda root: foreign.plain(root, 'disparity = "truth/{pair}.npy"', file=foreign.constant())])
+def test_what_file_managers_leave_is_no_pair(tmp_path, layout):
+    """As macOS leaves beside each file and folder on other disks: the same names behind a dot and a line."""
+    root = layout(tmp_path)
+    names = [pair.name for pair in find_foreign_pairs(root)]
+    assert names
+    for path in [*root.rglob("*")]:
+        path.with_name(f"._{path.name}").write_bytes(b"\0\5\x16\7" + bytes(4092))
+        for name in (".DS_Store", "Thumbs.db", "desktop.ini"):
+            path.with_name(name).write_bytes(bytes(100))
+    (root / "._scene").mkdir()
+    for path in root.rglob("im?.png"):
+        (root / "._scene" / path.name).write_bytes(bytes(9))
+    assert [pair.name for pair in find_foreign_pairs(root)] == names
+    assert all(isinstance(pair, ForeignPair) for pair in find_foreign_pairs(root))

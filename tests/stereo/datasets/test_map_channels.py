@@ -109,3 +109,23 @@ def test_an_array_is_taken_by_the_kind_of_the_map(tmp_path):
         choose_array(["a", "b"], "depth")
     with pytest.raises(RefusedError, match=r"call the one with the disparities disparity.$"):
         choose_array(["a", "b"], "disparity", predicted=True)
+
+
+@pytest.mark.parametrize("others", [{}, {"disp.u": foreign.constant(2)}], ids=["alone", "beside another channel"])
+def test_a_colour_is_a_map_only_if_all_are_equal(tmp_path, others):
+    grey = {colour: foreign.constant(7) for colour in "RGB"}
+    np.testing.assert_array_equal(read_map(MapFile(_write(tmp_path / "grey.exr", grey | others))), 7)
+    for colour in "GB":
+        path = _write(tmp_path / f"{colour}.exr", grey | {colour: foreign.constant(8)} | others)
+        for predicted in (False, True):
+            words = r"of which R is a colour of a picture .*as the channel disparity"
+            with pytest.raises(IcyMoonError, match=words) as caught:
+                read_map(MapFile(path, predicted=predicted))
+            assert all(name in str(caught.value) for name in others)
+            assert ("truth.channel" in str(caught.value)) != predicted
+        np.testing.assert_array_equal(read_map(MapFile(path, channel=colour)), 8)  # the fix works
+
+
+def _write(path, channels):
+    OpenEXR.File(HEADER, channels).write(str(path))
+    return path

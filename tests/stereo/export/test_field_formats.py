@@ -326,3 +326,13 @@ def test_a_bag_gives_back_what_was_put_in(dataset, tmp_path, points):
     assert transform.transform.translation.x == pytest.approx(5.0)
     with pytest.raises(IcyMoonError, match="exists already"):
         export([dataset], "ros2", root)
+
+
+def test_a_lens_without_an_equal_leaves_no_half_of_a_pair(dataset, tmp_path):
+    """The rectified models could be written, those of the sensor could not."""
+    out = tmp_path / "cahvor"
+    failed = export([dataset], "cahvor", out, {"rig": {"distortion_p1": 0.1}})
+    assert failed
+    assert "distortion" in failed[0] or "CAHVOR" in failed[0]
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
+    assert export([dataset], "cahvor", out) == []

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from icymoon.errors import IcyMoonError
 from icymoon.stereo.export.encodings import in_steps, run_lengths, write_pfm
 from icymoon.stereo.export.layouts import FORMATS, coco_annotations, export, write_truth
 from icymoon.stereo.images.exr import read_view
@@ -315,3 +316,17 @@ def test_the_place_on_a_map_is_in_every_export(tmp_path):
     assert found["pairs"] == {"mapped": place}
     export([tmp_path / "set" / "pairs" / "plain"], "pfm", tmp_path / "plain")
     assert not (tmp_path / "plain" / "map_coordinates.json").exists()
+
+
+@pytest.mark.parametrize(("kind", "last"), [
+    ("png8", "layouts.write_json"), ("png16", "layouts.write_json"), ("pfm", "layouts.write_json"),
+    ("middlebury", "layouts.write_text"), ("raw", "raw.write_json")])
+def test_a_pair_that_fails_leaves_nothing_half_written(dataset, tmp_path, monkeypatch, kind, last):
+    def fail(*_, **__):
+        raise IcyMoonError("cannot be")
+
+    monkeypatch.setattr(f"icymoon.stereo.export.{last}", fail)
+    out = tmp_path / "new" / "out"
+    assert len(export([dataset], kind, out)) == len(list((dataset / "pairs").iterdir()))
+    assert [path for path in out.rglob("*") if path.is_file()] == []
+    assert [path.name for path in out.parent.rglob("*.part")] == []

@@ -85,11 +85,18 @@ def test_networks_with_other_signs_units_and_outputs_are_understood(tmp_path):
 
 
 @pytest.mark.parametrize(("how", "options", "reason"), [
-    ({"factor": -1}, {}, r"finds -7\S* px where the images are shifted by 7 px; give onnx.sign=negative"),
+    ({"factor": -1}, {}, r"finds -7\S* and -12\S* px where the images are shifted by 7 and 12 px; give "
+                         r"onnx.sign=negative"),
     ({}, {"sign": "negative"}, "give onnx.sign=positive"),
-    ({"factor": 0.25}, {}, r"finds 1.75\d* px .*onnx.scale=4"),
+    ({"factor": 0.25}, {}, r"finds 1.75\d* and 3 px .*onnx.scale=4"),
     ({"factor": -0.25}, {}, r"onnx.scale=4 and the other onnx.sign"),
-    ({"factor": 0}, {}, "finds 0 px .*onnx.numbers"),
+    ({"factor": 0}, {}, "finds 0 and 0 px .*onnx.numbers"),
+    # It always answers 31 px, and with the factor 7 / 31 would pass a test by one shift.
+    ({"factor": 0, "constant": 31}, {}, r"finds 31 and 31 px .*; look at \S+ \S+ \S+ and onnx.swap\.$"),
+    ({"factor": 0, "constant": 31}, {"scale": 7 / 31}, "finds 7 and 7 px where the images are shifted by 7 and 12 px"),
+    ({"factor": 0, "constant": 7}, {}, "finds 7 and 7 px"), ({"factor": 0, "constant": 12}, {}, "finds 12 and 12 px"),
+    ({"names": ("a", "b"), "swapped": True}, {}, "its inputs seem to be exchanged: give onnx.swap=yes"),
+    ({}, {"swap": "yes"}, "its inputs seem to be exchanged: give onnx.swap=no"),
     ({"second": True}, {}, "outputs are confidence 1x1x1x1, disparity 1x1xohxow; choose the one"),
     ({}, {"output": 3}, "onnx.output is 3, and the network's outputs are disparity"),
     ({"half": True}, {}, "of the whole image, 384 x 256 px"),
@@ -103,6 +110,11 @@ def test_what_is_wrong_is_one_sentence(how, options, reason, tmp_path):
         with pytest.raises(IcyMoonError, match=reason) as caught:
             found(path, **options)
     assert "\n" not in str(caught.value)
+
+
+def test_exchanged_inputs_are_served(tmp_path):
+    path = onnx_networks.write_network(tmp_path / "net.onnx", names=("a", "b"), swapped=True)
+    assert np.abs(found(path, swap="yes")[0] - SHIFT).max() < 0.05
 
 
 def test_a_file_that_is_no_network_is_one_sentence(tmp_path):

@@ -13,7 +13,6 @@ from icymoon.stereo.measure.fit_check import (
     find_places,
     known_places,
     ray_lengths,
-    without_far_plateau,
 )
 
 RIG = pairs.camera(192, 144)
@@ -143,26 +142,3 @@ def test_a_prediction_is_held_against_the_truth(kind):
     assert fault.kind == kind
     assert find_fault(DISPARITY + np.random.default_rng(1).normal(0, 2, DISPARITY.shape), "disparity", RIG,
                       known) is None
-
-
-@pytest.mark.parametrize("far", [1e10, 65504.0, 1000.0, 30.0])
-def test_a_plateau_of_one_far_depth_is_sky(far):
-    sky = pairs.Scene(distance_m=2.5, slope_x=0.35, slope_y=0.5, sky_rows=40)
-    depth, light = seen("left", sky)
-    found = find_places(light, seen("right", sky)[1])
-    cleared, value = without_far_plateau(np.where(np.isnan(depth), far, depth), RIG, found)
-    assert value == far
-    np.testing.assert_array_equal(cleared, depth)
-
-
-def test_a_wall_and_an_even_plane_are_no_sky(places):
-    wall = pairs.Scene(distance_m=2.0, slope_x=0.0, slope_y=0.0)  # the largest depth to the bit, with a rock before it
-    depth, light = seen("left", wall)
-    found = find_places(light, seen("right", wall)[1])
-    beyond = pairs.Scene(distance_m=2.0, slope_x=0.0, slope_y=0.0, rock=False)
-    for each in (depth, seen("left", beyond)[0], np.full_like(depth, np.nan)):
-        cleared, value = without_far_plateau(each, RIG, found)
-        assert value is None
-        np.testing.assert_array_equal(cleared, each)
-    near = np.where(np.arange(192) < 40, 0.5, depth)  # a wall of four times the depth of what stands before it
-    assert without_far_plateau(near, RIG, found)[1] is None

@@ -1,0 +1,61 @@
+"""Numbers in maps of others that stand for "unknown": one value in many pixels, and disparities that no image can show.
+
+Programs write 1e10 m where a ray meets nothing, 65535 in a PNG, 1e5 px, or -1 px for pixels without truth. Taken as
+truth, a few such pixels decide the mean error of a method.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...render.pairs.pair_folder import StereoCamera
+from ..measure.fit_check import Places, are_seen
+
+#: Share of an image that a plateau has at least, and by what factor it is nearer or farther than all other points.
+_SHARE, _BEYOND = 0.002, 1.5
+#: How many of the least steps between other values a plateau is away from them: the levels of a coarse map are one.
+_STEPS = 2
+
+
+def find_markers(values: np.ndarray, kind: str, camera: StereoCamera, places: Places) -> tuple[float, ...]:
+    """The values of a map (H, W) of "depth" (m) or "disparity" (px), NaN where unknown, that stand for unknown ones.
+
+    Such a value is the nearest or the farthest one, in many pixels to the bit, and far beyond every other, or the only
+    negative disparity. It is none if the images have places there that fit: a wall.
+    """
+    return tuple(value for nearest in (False, True)
+                 if (value := _find_plateau(values, kind, camera, places, nearest)) is not None)
+
+
+def _find_plateau(values: np.ndarray, kind: str, camera: StereoCamera, places: Places, nearest: bool) -> float | None:
+    """The value of the plateau at one end of the range, if there is one."""
+    disparity = _disparity(values, kind, camera)
+    known = disparity > -camera.doffs_px  # there is nothing at the horizon and behind the camera
+    if not known.any():
+        return None
+    end = float((np.max if nearest else np.min)(disparity[known]))
+    plateau = known & (disparity == end)
+    others = np.unique(disparity[known & ~plateau])
+    if plateau.mean() < _SHARE or not others.size:
+        return None
+    beside = float(others[-1 if nearest else 0])
+    if others.size > 1 and abs(end - beside) <= _STEPS * float(np.diff(others).min()):
+        return None
+    near, far = sorted((end + camera.doffs_px, beside + camera.doffs_px), reverse=True)
+    if not (near >= _BEYOND * far or (kind == "disparity" and end < 0 < beside)):
+        return None
+    return None if are_seen(plateau, end, places) else float(values[plateau][0])
+
+
+def is_possible(disparity: np.ndarray) -> np.ndarray:
+    """Boolean (H, W): where a map of disparities in px is smaller than its width, so that both images can show a point;
+    also where it is NaN."""
+    return ~(np.abs(disparity) >= disparity.shape[1])
+
+
+def _disparity(values: np.ndarray, kind: str, camera: StereoCamera) -> np.ndarray:
+    """Disparities in px, NaN where there is none in front of the camera."""
+    if kind == "disparity":
+        return values
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(values > 0, camera.disparity(values), np.nan)

@@ -1,0 +1,32 @@
+"""Folders of exports that are whole or not there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from ...files import explain_disk_errors, part_of
+from ...system import flush, remove_folder, replace
+
+
+@contextmanager
+def filled(target: Path, name: str = "") -> Iterator[Path]:
+    """A folder to fill. Its files come to ``target`` once all of them are written, so that none is half there.
+
+    The folder lies beside ``name`` in ``target``, or beside ``target`` itself.
+    """
+    part = part_of(target / name)
+    with explain_disk_errors("write", target):
+        part.mkdir(parents=True)
+    try:
+        yield part
+        with explain_disk_errors("write", target):
+            for path in sorted(part.rglob("*")):
+                if path.is_file() and not path.is_symlink():
+                    place = target / path.relative_to(part)
+                    place.parent.mkdir(parents=True, exist_ok=True)
+                    flush(path)
+                    replace(path, place)
+    finally:
+        remove_folder(part)
