@@ -6,7 +6,6 @@ files have six numbers (gdal.org/drivers/raster/wld.html), the others XML (gdal.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 from ..errors import IcyMoonError
@@ -45,7 +44,9 @@ def doubt_notes(path: Path) -> list[str]:
         text = read(notes, lambda foreign: foreign.text(), "notes of GDAL", "remove it", _MOST_BYTES)
     except IcyMoonError:
         return [f"{notes.name} beside it cannot be read; look whether it states the place of the map"]
-    stated = [words for name, words in _TELLING.items() if re.search(rf"<{name}[\s>]", text)]
+    # An element's name ends with its bracket or with a space before its first attribute.
+    names = {part.split(">", 1)[0].split(maxsplit=1)[0] for part in text.split("<")[1:] if part[:1].strip(" >")}
+    stated = [words for name, words in _TELLING.items() if name in names]
     return [f"{notes.name} beside it, which states {', '.join(stated)}, {_not_read(path)}"] if stated else []
 
 

@@ -244,9 +244,9 @@ REMOVES = {"render/pairs/our_files.py": "the one way", "system.py": "how it is d
            "operators/show_pair.py": "its own temporary folder",
            "operators/variation_pictures.py": "its own temporary folder",
            "stereo/matchers/resident_process.py": "its own temporary folder",
-           "stereo/export/plug_in.py": "its own part of a pair that was not finished",
            "stereo/export/ros_bag.py": "its own part of a bag that was not finished",
            "stereo/export/training.py": "its own part of a shard that was not finished",
+           "stereo/export/whole_folders.py": "its own part of a pair that was not finished",
            "stereo/trade/cheapest_quality.py": "what it writes again"}
 
 
