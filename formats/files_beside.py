@@ -45,7 +45,7 @@ def doubt_notes(path: Path) -> list[str]:
     except IcyMoonError:
         return [f"{notes.name} beside it cannot be read; look whether it states the place of the map"]
     # An element's name ends with its bracket or with a space before its first attribute.
-    names = {part.split(">", 1)[0].split(maxsplit=1)[0] for part in text.split("<")[1:] if part[:1].strip(" >")}
+    names = {name for part in text.split("<")[1:] for name in part.split(">", 1)[0].split(maxsplit=1)[:1]}
     stated = [words for name, words in _TELLING.items() if name in names]
     return [f"{notes.name} beside it, which states {', '.join(stated)}, {_not_read(path)}"] if stated else []
 
