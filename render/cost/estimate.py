@@ -15,11 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...formats import mesh_file
 from ...labels import IMAGE_PASS, NORMAL_PASS, rounded_passes
 from ...number_text import count_of
-from ...paper_stand_ins.items import mesh_item
-from ...physics.mesh.grading import grade
 from ...physics.scene_requirements import (
     image_quality,
     is_baked,
@@ -27,16 +24,15 @@ from ...physics.scene_requirements import (
     rendered_surface,
     surface_topics,
 )
-from ...physics.terrain.terrain import make_terrain
 from ...settings import changes
-from ...settings.user_files import used_files
 from ...system import count_processors
 from ...typed_settings import Settings
 from ..pairs.pair_folder import StereoCamera, is_complete, read_pair
-from ..plans.indirect import bake_seconds, light_key
+from ..plans.indirect import bake_seconds, light_bytes, light_key
 from ..plans.order import ordered, settings_key
 from ..plans.planned_pair import PlannedPair
-from .speed import Speed
+from ..plans.triangles import count_triangles
+from .speed import Speed, wall_seconds
 
 #: Processor seconds, 2-core x86 server, Blender 5.0 (``benchmarks/plan_cost.py``): a worker, a build, a pair.
 _START_S = 3.0
@@ -79,6 +75,8 @@ _LIGHT = {False: _LightBytes(2.6, 0.4, 4.2, 12.0, 0.97, 0.7, 1.9),
 _NORMALS = {False: _NormalBytes(11.9, 10.35, 10.8, -1.21, 0.9), True: _NormalBytes(4.3, 4.9, 7.7, -0.987, 0.87)}
 #: Bytes of depth, of what rocks add to labels and normals, and of the rest.
 _DEPTH, _ROCK_LABELS, _REST = 4.0, 1.0, 0.2
+#: Bytes of ``pair.json``.
+STATED_BYTES = 25e3
 #: Normals of facets by rays, over those by Cycles, which have an alpha of 1 too.
 _FACETS_OF_RAYS = 0.87
 #: Neighbours in larger images are more alike: bytes of twice the columns over those of one.
@@ -89,7 +87,9 @@ _MODELS = {"LAMBERT": 0.75, "LOMMEL_SEELIGER": 0.75, "LUNAR_LAMBERT": 0.8, "PRIN
            "SNOW": 0.8}
 _HAPKE_NODES, _HAPKE_REFERENCE = 1.15, 3.45
 _RELIEF, _RELIEF_CAMERA = 0.25, 0.21  # added by shaded relief, and where the camera alone meets it
-_TRANSMISSION, _IMAGES, _ROCKS = 0.3, 2.9, 0.6  # added by clear ice, images on the ground and rocks
+_TRANSMISSION, _ROCKS = 0.3, 0.6  # added by clear ice and rocks
+#: Added by images on the ground, to paths and to direct light alone; a mesh's own image adds the last share of it.
+_IMAGES, _IMAGES_DIRECT, _OWN_IMAGE = 2.9, 0.65, 0.3
 #: Cost that subsurface scattering adds, whatever its length, and the weight at which it adds half of it.
 _WALK, _BURLEY, _HALF = 12.0, 0.5, 0.5
 #: Cycles' own least samples under a noise threshold t are 16 t^-0.3; beyond them a pixel of noise s of one sample takes
@@ -145,7 +145,7 @@ def _pixels(settings: Settings) -> int:
 
 
 def bytes_of(settings: Settings) -> float:
-    """Bytes of the files of a pair with these complete settings, before any pair of the scene is known."""
+    """Bytes of the images of a pair with these complete settings, before any pair of the scene is known."""
     quality, light = image_quality(settings), settings.light
     rounded = rounded_passes(quality.files, quality.half_floats)
     stored = _LIGHT[IMAGE_PASS in rounded]
@@ -196,7 +196,10 @@ def _sample_cost(settings: Settings, topic: str) -> float:
         relative += (_BURLEY if burley else _WALK) * under / (under + _HALF) + _TRANSMISSION * surface.transmission
     if surface.relief != "DISPLACEMENT" and surface.grain_amplitude_m > 0:
         relative += _RELIEF_CAMERA if only_camera_meets_relief(surface, settings.quality) else _RELIEF
-    return relative + _IMAGES * (settings.textures.set != "NONE")
+    if settings.textures.set == "NONE":
+        return relative
+    images = _IMAGES_DIRECT if image_quality(settings).diffuse_bounces == 0 else _IMAGES
+    return relative + images * (_OWN_IMAGE if settings.textures.set == "MESH" else 1.0)
 
 
 def samples_taken(samples: int, threshold: float) -> float:
@@ -207,20 +210,6 @@ def samples_taken(samples: int, threshold: float) -> float:
     if threshold <= 0:
         return float(samples)
     return min(float(samples), max(_LEAST * threshold**_LEAST_POWER, (_SAMPLE_NOISE / threshold) ** 2))
-
-
-def count_triangles(settings: Settings) -> float:
-    """Triangles of the ground of complete settings, roughly where it is a file.
-
-    Raises IcyMoonError if a file of one's own cannot be read.
-    """
-    if settings.source.kind == "STAND_IN":
-        return float(mesh_item(settings.source.stand_in).triangles)
-    if settings.source.kind == "MESH":
-        return float(mesh_file.estimate_cost(used_files(settings)["source.file"]).triangles)
-    if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
-        return 2.0 * grade(make_terrain(settings, int(settings.dataset.seed)), settings).rings.vertices
-    return 2.0 * (settings.terrain.resolution - 1) ** 2
 
 
 def scene_seconds(settings: Settings, triangles: float) -> float:
@@ -235,8 +224,8 @@ class Estimate:
 
     ``geometries``, ``surfaces`` and ``lights`` are how many different ones there are, ``scenes`` how many are built.
     ``seconds`` are of processor time, ``left_s`` those of the pairs that are not there; it lies between ``left_s``
-    divided and multiplied by ``factor`` in 19 of 20 cases. ``measured`` pairs have corrected it; before, it rests on
-    ``basis``.
+    divided and multiplied by ``factor`` in 19 of 20 cases, and takes ``left_wall_s`` on the clock. ``measured`` pairs
+    have corrected it; before, it rests on ``basis``.
     """
 
     pairs: int
@@ -247,6 +236,7 @@ class Estimate:
     lights: int
     seconds: float
     left_s: float
+    left_wall_s: float
     left_bytes: float
     factor: float
     measured: int
@@ -255,7 +245,7 @@ class Estimate:
 
     def lines(self) -> list[str]:
         """The estimate in words, a line each."""
-        left = self.left_s / self.processors
+        left = self.left_wall_s
         low, high = left / self.factor, left * self.factor
         basis = (f"corrected by {count_of(self.measured, 'rendered pair')}" if self.measured
                  else f"from {self.basis}")
@@ -265,7 +255,8 @@ class Estimate:
                 f"{count_of(self.lights, 'light')}; {count_of(self.scenes, 'scene')} to build"]
         if self.there < self.pairs:
             lines += [f"{duration_text(left)} on {count_of(self.processors, 'processor')} ({duration_text(low)} to "
-                      f"{duration_text(high)}; {basis})", f"{size_text(self.left_bytes)} on the disk"]
+                      f"{duration_text(high)}; {basis}), {duration_text(self.left_s)} of a processor",
+                      f"{size_text(self.left_bytes)} on the disk"]
         return lines
 
     def to_json(self) -> dict[str, Any]:
@@ -309,12 +300,12 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
     ratios = _read_ratios(pairs, dataset, there, expected)
     factor, spread = _corrected(ratios, speed, any(pair.settings.quality.device == "GPU" for pair in pairs))
     left = [pair for pair in pairs if pair.id not in there]
-    start = _START_S if left else 0.0
+    left_s = factor * (sum(costs[pair.id] for pair in left) + (_START_S if left else 0.0))
     return Estimate(
         pairs=len(pairs), there=len(there), geometries=len({settings_key(changes.geometry, pair) for pair in pairs}),
         scenes=len({k[0] for k in keys}), surfaces=len({k[1] for k in keys}), lights=len({k[2] for k in keys}),
         seconds=factor * (sum(costs.values()) + _START_S),
-        left_s=factor * (sum(costs[pair.id] for pair in left) + start),
+        left_s=left_s, left_wall_s=wall_seconds(left_s, speed),
         left_bytes=_count_bytes(pairs, left, dataset, there),
         factor=math.exp(2.0 * spread), measured=len(ratios), processors=count_processors(),
         basis=speed.basis if speed else "another machine's times")
@@ -327,8 +318,8 @@ def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed
     """
     work = sum(work_of(each).seconds(_UNCOUNTED) for each in some) / len(some) * pairs
     work += grounds * scene_seconds(some[0], _UNCOUNTED) + _START_S
-    return ((speed.factor if speed else 1.0) * work / count_processors(),
-            sum(map(bytes_of, some)) / len(some) * pairs)
+    return (wall_seconds((speed.factor if speed else 1.0) * work, speed),
+            (sum(map(bytes_of, some)) / len(some) + STATED_BYTES) * pairs)
 
 
 def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, float]:
@@ -360,9 +351,11 @@ def _read_ratios(pairs: Sequence[PlannedPair], dataset: Path | None, there: set[
     """Processor seconds that pairs took over those that were expected."""
     ratios = []
     for pair, facts in _read_pairs(pairs, dataset, there) if dataset is not None else ():
-        taken = facts.get("seconds", {})
-        threads = int(facts["settings"].get("quality", {}).get("threads") or count_processors())
+        taken, quality = facts.get("seconds", {}), facts["settings"].get("quality", {})
+        threads = int(quality.get("threads") or count_processors())
         seconds = float(taken.get("render", 0.0)) * threads + float(taken.get("write", 0.0))
+        if quality.get("device", "CPU") == "CPU":
+            seconds = float(facts.get("cpu_seconds", {}).get("pair", seconds))
         if seconds > 0:
             ratios.append(seconds / expected[pair.id])
     return ratios
@@ -395,8 +388,12 @@ def count_bytes_left(pairs: Sequence[PlannedPair], dataset: Path, again: bool = 
 
 def _count_bytes(pairs: Sequence[PlannedPair], left: Sequence[PlannedPair], dataset: Path | None,
                  there: set[str]) -> float:
-    """Bytes that are left to write: as many as expected, times what those that are there had over theirs."""
+    """Bytes that are left to write: as many as expected, times what those that are there had over theirs, and light
+    that is baked for those that are left."""
     known = [(sum(float(f["bytes"]) for f in facts["files"].values()), bytes_of(pair.settings))
              for pair, facts in (_read_pairs(pairs, dataset, there) if dataset is not None else ())]
     expected = sum(bytes_of(pair.settings) for pair in left)
-    return expected * sum(a for a, _ in known) / sum(b for _, b in known) if known else expected
+    if known:
+        expected *= sum(a for a, _ in known) / sum(b for _, b in known)
+    lights = {light_key(pair.settings): pair.settings for pair in left if is_baked(pair.settings)}
+    return expected + STATED_BYTES * len(left) + sum(map(light_bytes, lights.values()))
