@@ -38,8 +38,8 @@ SCENE = "scenes/europa_rough_ice"
 #: What makes its light such that it can be baked.
 LAMBERT: dict[str, Any] = {"surface": {"model": "LAMBERT"}, "light": {"planet": False}}
 METHODS = "bm,sgbm,jplv"
-#: Heights of the Sun, degrees, and headings, in equal steps.
-SUNS, HEADINGS = (30.0, 8.0), 2
+#: Heights of the Sun, degrees, and headings, in equal steps. Under 8 degrees the site is in the shadow of the hills.
+SUNS, HEADINGS = (30.0, 12.0), 2
 #: What is told of a matcher, with the sign of an increase in its loss.
 TOLD = {"bad_1": 1.0, "coverage": -1.0}
 
@@ -72,18 +72,24 @@ def costs(folders: Sequence[Path]) -> tuple[float, float]:
             sum(bakes.values()) / max(1, len(bakes)))
 
 
+def mean_of(values: Sequence[float | None]) -> float:
+    """The mean of those that there are: a matcher may measure nothing in one of the headings."""
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else math.nan
+
+
 def distances(folders: Sequence[Path], best: Sequence[Reference], methods: Sequence[Method]) -> dict[str, Any]:
     """Mean over the headings of what was measured against the converged renders."""
     each = [measure([folder], one, methods) for folder, one in zip(folders, best, strict=True)]
 
     def mean(*path: str) -> float:
-        values = []
+        values: list[float | None] = []
         for found in each:
             value: Any = found
             for key in path:
                 value = value[key]
-            values.append(float("nan") if value is None else value)
-        return float(np.mean(values))
+            values.append(value)
+        return mean_of(values)
 
     return {"radiance_bias": mean("bias"), "radiance_rms": math.hypot(*(found["rmse"] for found in each))
             / len(each) ** 0.5,
@@ -129,7 +135,7 @@ def main(options: argparse.Namespace, out: Path) -> None:
         renders = [render(settings, out / "converged", repeat) for repeat in range(2)]
         best[sun] = [read_reference(pair, methods, {}) for pair in zip(*renders, strict=True)]
         print(f"converged, Sun {sun:g}°: noise {np.mean([one.noise for one in best[sun]]):.2%}; " + ", ".join(
-            f"{method.label} {key} {100 * np.mean([one.stereo[method.label][key] or 0.0 for one in best[sun]]):.1f} %"
+            f"{method.label} {key} {100 * mean_of([one.stereo[method.label][key] for one in best[sun]]):.1f} %"
             for method in methods for key in TOLD), flush=True)
     for name in preset_files.preset_names("qualities"):
         if options.only and name.split("/")[1] not in options.only:

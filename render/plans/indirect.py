@@ -30,9 +30,10 @@ from ...typed_settings import QualitySettings, RigSettings, Settings
 from ..pairs.pair_folder import StereoCamera
 from .triangles import count_triangles
 
-#: Processor seconds of a million paths from the corners of a mesh, and of starting the four bakes (2-core x86 server,
-#: Blender 5.0, three bounces).
-_S_PER_MPATH, _START_S = 0.8, 0.8
+#: Processor seconds of a million paths from the corners of a flat mesh, what is added on ground that is as steep as
+#: this or has layers of noise, where fewer paths end in the sky, and of starting the bakes (2-core x86 server, Blender
+#: 5.0).
+_S_PER_MPATH, _STEEP_S, _STEEP_DEG, _START_S = 0.45, 0.5, 25.0, 0.8
 #: The same per million pixels: of a sample of direct light of Lambert ground with fine relief, what a bounce adds to
 #: it, and the denoiser.
 _DIRECT_S, _BOUNCE_S, _DENOISE_S = 1.76, 0.17, 3.5
@@ -40,8 +41,8 @@ _DIRECT_S, _BOUNCE_S, _DENOISE_S = 1.76, 0.17, 3.5
 _OF_A_QUAD, _OF_TRIANGLES, _OF_A_TRIANGLE = 4.0, 6.0, 3.0
 #: Paths from a point of a rock: three texels with their samples.
 _OF_A_POINT = 72.0
-#: What images on the ground add to the paths of a bake, and a mesh's own image.
-_IMAGES, _OWN_IMAGE = 0.8, 0.25
+#: The same of images on the ground, and of a mesh's own image.
+_IMAGES_S, _OWN_IMAGE_S = 0.95, 0.1
 #: Bytes of a file of baked light: of a vertex that has light, and of a rock.
 _OF_A_VERTEX, _OF_A_ROCK = 11.0, 140.0
 #: Points along a side of a uniform grid of which it is counted how many are seen, at most.
@@ -89,8 +90,9 @@ def bake_seconds(settings: Settings) -> float:
     """Processor seconds of baking the light of a ground and its rocks, that of the planet too, if it takes all its
     samples."""
     paths = settings.quality.bake_samples * _count_corners(settings) + _OF_A_POINT * _count_points(settings)
-    images = {"NONE": 0.0, "MESH": _OWN_IMAGE}.get(settings.textures.set, _IMAGES)
-    once = _START_S + _S_PER_MPATH * (1.0 + images) * paths / 1e6
+    steep = 1.0 if settings.terrain.layers else min(1.0, settings.terrain.rms_slope_deg / _STEEP_DEG)
+    images = {"NONE": 0.0, "MESH": _OWN_IMAGE_S}.get(settings.textures.set, _IMAGES_S)
+    once = _START_S + (_S_PER_MPATH + _STEEP_S * steep + images) * paths / 1e6
     return once * (1 + settings.light.planet)
 
 

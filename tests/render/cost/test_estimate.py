@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from icymoon.render.cost import estimate
 from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.render.plans.indirect import bake_seconds, light_bytes
+from icymoon.render.plans.order import cut_into_jobs, ordered
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.plans.triangles import count_triangles
 from icymoon.settings import description
@@ -101,16 +102,46 @@ def test_samples_and_pixels_count_in_proportion():
     assert of(11, 128) - of(10, 128) == pytest.approx(2 * per_sample)
 
 
-def test_a_scene_is_built_once_for_all_its_pairs():
+@pytest.fixture(autouse=True)
+def two_processors(monkeypatch):
+    """A machine of one worker, whatever this one has."""
+    for module in ("icymoon.render.plans.order", "icymoon.render.cost.estimate", "icymoon.render.cost.speed"):
+        monkeypatch.setattr(f"{module}.count_processors", lambda: 2)
+
+
+def test_a_scene_is_built_once_for_all_pairs_of_a_job():
     one = described()
     others = [described({"light": {"sun_elevation_deg": e}}) for e in (10.0, 20.0, 30.0)]
     grounds = [described({"terrain": {"hurst": h}}) for h in (0.5, 0.6, 0.7)]
     single, lights, terrains = (estimate.estimate(pairs_of(*s)) for s in ([one], others, grounds))
     assert (lights.scenes, lights.geometries, lights.lights, lights.surfaces) == (1, 1, 3, 1)
     assert (terrains.scenes, terrains.geometries, terrains.lights, terrains.surfaces) == (3, 3, 1, 1)
+    # A worker's job ends with two pairs, so the second job builds the ground again.
     triangles = 2.0 * 128**2
-    assert terrains.seconds - lights.seconds == pytest.approx(2 * estimate.scene_seconds(one, triangles))
-    assert lights.seconds - single.seconds == pytest.approx(2 * estimate.work_of(one).seconds(triangles))
+    a_pair = estimate.work_of(one).seconds(triangles)
+    a_job = [cut_into_jobs(ordered(pairs_of(*s)), 1, 50) for s in (others, grounds)]
+    assert [len(jobs) for jobs in a_job] == [2, 3]
+    again = lights.seconds - single.seconds - 2 * a_pair  # another worker and its build
+    assert again > estimate.scene_seconds(one, triangles)
+    assert terrains.seconds - lights.seconds == pytest.approx(again)
+
+
+def test_a_start_counts_for_each_worker_that_the_jobs_need():
+    """Jobs are cut so that workers end together: a worker of two processors has four."""
+    headings = [pairs_of(described({"dataset": {"headings": n}})) for n in (1, 2, 64)]
+    each = estimate.work_of(described()).seconds(2.0 * 128**2)
+    one, two, many = (estimate.estimate(pairs).seconds for pairs in headings)
+    assert two - one == pytest.approx(each)  # the same worker
+    jobs = len(cut_into_jobs(ordered(headings[2]), 1, 50))
+    assert jobs > 1
+    # To start Blender takes more than a second of a processor.
+    starts = many - one - 63 * each - (jobs - 1) * estimate.scene_seconds(described(), 2.0 * 128**2)
+    assert starts / (jobs - 1) > 1.0
+
+
+def test_ground_from_a_file_takes_longer_to_build():
+    made_up, from_file = described(), described({"source": {"kind": "STAND_IN"}})
+    assert estimate.scene_seconds(from_file, 1e5) > estimate.scene_seconds(made_up, 1e5) + 1.0
 
 
 def test_the_triangles_are_those_of_the_ground():
@@ -263,14 +294,14 @@ def test_baked_light_is_counted_once_for_all_pairs_that_share_it():
         4 * bake_seconds(seen) - bake_seconds(described(baked)), rel=0.05)
 
 
-def test_images_cost_less_where_light_is_direct_alone():
+def test_images_cost_less_where_lamberts_law_reads_some_of_them():
     images, own = {"textures": {"set": "FROST"}}, {"textures": {"set": "MESH"}}
-    lambert, baked = {"surface": {"model": "LAMBERT"}}, {"quality": {"indirect": "BAKED"}}
+    lambert = {"surface": {"model": "LAMBERT"}}
 
     def relative(*changes):
-        return estimate.work_of(described(lambert, *changes)).relative
+        return estimate.work_of(described(*changes)).relative
 
-    assert relative(images) - relative() > 3 * (relative(images, baked) - relative(baked)) > 0
-    assert relative() < relative(own) < relative(images)
+    assert relative(images) - relative() > 3 * (relative(images, lambert) - relative(lambert)) > 0
+    assert relative(lambert) < relative(lambert, own) < relative(lambert, images)
     assert bake_seconds(described(lambert, images)) > bake_seconds(described(lambert, own)) > (
         bake_seconds(described(lambert)))
