@@ -39,8 +39,10 @@ _S_PER_MPATH, _STEEP_S, _STEEP_DEG, _START_S = 0.45, 0.5, 25.0, 0.8
 _DIRECT_S, _BOUNCE_S, _DENOISE_S = 1.76, 0.17, 3.5
 #: Corners of a uniform grid for each vertex, of triangles for each vertex, and of a triangle.
 _OF_A_QUAD, _OF_TRIANGLES, _OF_A_TRIANGLE = 4.0, 6.0, 3.0
-#: Paths from a point of a rock: three texels with their samples.
-_OF_A_POINT = 72.0
+#: Processor seconds of a point of a rock: three texels with their samples, among other rocks.
+_S_PER_POINT = 2.5e-4
+#: Rocks over those of the patch, where they go on beyond it.
+_WITH_FAR_ROCKS = 2.8
 #: The same of images on the ground, and of a mesh's own image.
 _IMAGES_S, _OWN_IMAGE_S = 0.95, 0.1
 #: Bytes of a file of baked light: of a vertex that has light, and of a rock.
@@ -89,10 +91,10 @@ def break_even(settings: Settings) -> int:
 def bake_seconds(settings: Settings) -> float:
     """Processor seconds of baking the light of a ground and its rocks, that of the planet too, if it takes all its
     samples."""
-    paths = settings.quality.bake_samples * _count_corners(settings) + _OF_A_POINT * _count_points(settings)
+    paths = settings.quality.bake_samples * _count_corners(settings)
     steep = 1.0 if settings.terrain.layers else min(1.0, settings.terrain.rms_slope_deg / _STEEP_DEG)
     images = {"NONE": 0.0, "MESH": _OWN_IMAGE_S}.get(settings.textures.set, _IMAGES_S)
-    once = _START_S + (_S_PER_MPATH + _STEEP_S * steep + images) * paths / 1e6
+    once = _START_S + (_S_PER_MPATH + _STEEP_S * steep + images) * paths / 1e6 + _S_PER_POINT * _count_points(settings)
     return once * (1 + settings.light.planet)
 
 
@@ -145,8 +147,11 @@ def _count_rocks(settings: Settings) -> float:
     rocks = settings.rocks
     if rocks.coverage <= 0:
         return 0.0
-    return float(rocks.most) if rocks.law == TABLE else min(
-        float(rocks.most), size_law(rocks).total_per_m2 * settings.terrain.size_m ** 2)
+    if rocks.law == TABLE:
+        return float(rocks.most)
+    far = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED" and rocks.beyond_px > 0
+    of_the_patch = size_law(rocks).total_per_m2 * settings.terrain.size_m ** 2
+    return min(float(rocks.most), of_the_patch * (_WITH_FAR_ROCKS if far else 1.0))
 
 
 def _pair_seconds(settings: Settings, quality: QualitySettings) -> float:

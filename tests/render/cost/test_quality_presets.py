@@ -105,7 +105,7 @@ def test_what_a_pair_bakes_for_itself_is_part_of_its_seconds_and_what_all_share_
     assert seconds("few_headings", longer, baked) > 3 * seconds("few_headings", baked)
     assert seconds("many_headings", longer, baked) == pytest.approx(seconds("many_headings", baked))
     # Ground that cannot be baked is traced, with many samples.
-    traced = {"surface": {"model": "PRINCIPLED"}}
+    traced: dict[str, Any] = {"surface": {"model": "PRINCIPLED"}}
     assert seconds("many_headings", traced) > 3 * seconds("many_headings")
 
 
