@@ -167,8 +167,10 @@ def test_bytes_are_in_proportion_to_what_is_written():
         return estimate.bytes_of(described({"rig": {"pitch_deg": 85.0}}, *changes))
 
     base = size()
-    doubled = size({"rig": {"width_px": 128, "height_px": 96}})
+    finer = {"terrain": {"resolution": 257}}  # as many pixels for a facet
+    doubled = size({"rig": {"width_px": 128, "height_px": 96}}, finer)
     assert 3.8 < doubled / base < 4.0  # neighbours are a little more alike
+    assert base < size(finer)  # normals of facets are the same on all their pixels
     assert size({"rig": {"overscan": 0.25}}) == pytest.approx(base * 1.5**2, rel=1e-3)
     depth, toed = size({"quality": {"truth": "DEPTH"}}), size({"rig": {"toe_in_deg": 1.0}})
     assert depth < 0.7 * base

@@ -80,8 +80,9 @@ def test_what_a_blender_lacks_is_shown_with_each_quality_that_asks_for_it():
     assert not any(quality.lacks for quality in list_qualities(denoised, 1e6, None))
 
 
-LAMBERT = {"surface": {"model": "LAMBERT"}, "mesh": {"kind": "GRID"}, "terrain": {"resolution": 257},
-           "light": {"planet": False}}
+LAMBERT: dict[str, dict[str, Any]] = {
+    "surface": {"model": "LAMBERT"}, "mesh": {"kind": "GRID"}, "terrain": {"resolution": 257},
+    "light": {"planet": False}}
 
 
 @pytest.mark.parametrize("name", ["few_headings", "many_headings", "training"])
