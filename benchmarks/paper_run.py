@@ -1,17 +1,16 @@
 """A real run over a sample of the GUISS paper's data sets, and what all of their pairs would take.
 
-    python benchmarks/paper_run.py --out FOLDER [--pairs 220] [--scale 0.5] [--sets snow rocks] [--traced]
+    python benchmarks/paper_run.py --out FOLDER [--pairs 220] [--scale 0.5] [--sets snow rocks]
 
-Whole scenes, each with its four headings, are drawn at random from the seven sets of ``datasets/guiss_all``: so many
-pairs of a set as it has among all, but 16 at least. The ground is Lambert's, made-up ground on the paper's grid of
-257 x 257 vertices, with the whole truth, radiance and normals in 16 bits, and indirect light that is baked with at most
-256 samples (``quality.bake_noise`` 0.01), with 2 of direct light, or, with ``--traced``, traced with 9. Each set is a
+Whole scenes, each with its four headings, are drawn at random from the seven sets of ``datasets/guiss_all``, with the
+materials and the quality of these plans: so many pairs of a set as it has among all, but 16 at least. Each set is a
 data set in FOLDER that ``icymoon work`` renders, so the same command continues what was stopped, and ``icymoon verify``
 checks it.
 
 A row is a set. Processor seconds are those of ``icymoon work`` and its worker, with their start, builds and bakes, a
-pair; ± is the standard error over scenes. In brackets is what the pairs state of themselves. The last lines are sums
-over the sets, each by the number of its pairs. Needs Blender as a module.
+pair; ± is the standard error over scenes. In brackets is what the pairs state of themselves, and what a dry run expects
+of the same pairs, on this machine if ``icymoon quality --measure`` has measured it. The last lines are sums over the
+sets, each by the number of its pairs. Needs Blender as a module.
 """
 
 from __future__ import annotations
@@ -29,53 +28,37 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from icymoon.render.cost.estimate import estimate
+from icymoon.render.cost.speed import recall_speed
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.indirect import light_key
 from icymoon.render.plans.order import ordered
 from icymoon.render.plans.plan_file import parse_plan
 from icymoon.render.plans.planned_pair import PlannedPair
+from icymoon.settings import description
 
 SETS = ("reconstructions", "textures", "landforms", "generative", "terrains", "rocks", "snow")
 #: The set whose ground is meshes from files; the others are made up.
 FROM_FILES = "reconstructions"
 LEAST = 16
+#: The shipped plan as it is, but for the size of its images.
 PLAN = """
 [plan]
 title = "Sample of datasets/guiss_{name}"
 extends = "datasets/guiss_{name}"
 
-[surface]
-model = "LAMBERT"
-
-[mesh]
-kind = "GRID"
-
-[terrain]
-resolution = 257
-
 [rig]
 width_px = {width}
 height_px = {height}
-
-[quality]
-samples = 9
-noise_threshold = 0.0
-diffuse_bounces = 3
-fine_relief = "CAMERA"
-half_floats = "RADIANCE_NORMALS"
-indirect = "{indirect}"
-bake_samples = 256
-direct_samples = 2
 """
 
 
 def scenes_of(name: str, options: argparse.Namespace) -> list[list[PlannedPair]]:
-    """The scenes of a set in random order, each the pairs that share light."""
-    text = PLAN.format(name=name, width=round(640 * options.scale), height=round(480 * options.scale),
-                       indirect="TRACED" if options.traced else "BAKED")
+    """The scenes of a set in random order, each the pairs of a ground under one Sun."""
+    text = PLAN.format(name=name, width=round(640 * options.scale), height=round(480 * options.scale))
     found: defaultdict[str, list[PlannedPair]] = defaultdict(list)
     for pair in parse_plan(Path(f"{name}.toml"), text).pairs():
-        found[light_key(pair.settings)].append(pair)
+        found[light_key(description.merged(pair.settings, {"quality": {"bake_area": "GROUND"}}))].append(pair)
     scenes = list(found.values())
     return [scenes[k] for k in np.random.default_rng(1).permutation(len(scenes))]
 
@@ -142,9 +125,11 @@ def main(options: argparse.Namespace) -> None:
         render(name, scenes, options.out)
         rows[name] = measured(name, scenes, options.out)
         row = rows[name]
+        expected = estimate([pair for scene in scenes for pair in scene], None, recall_speed("CPU"))
         print(f"{name:16} {row['pairs']:4.0f} of {sizes[name]:4} pairs, {row['baked']:4.0f} baked: "
               f"{row['cpu_s']:6.2f} ± {row['error']:.2f} CPU s a pair "
-              f"({row['stated'] - row['bakes']:.2f} pairs, {row['bakes']:.2f} bakes), "
+              f"({row['stated'] - row['bakes']:.2f} pairs, {row['bakes']:.2f} bakes; expected "
+              f"{expected.seconds / expected.pairs:.2f} s, {expected.left_bytes / expected.pairs / 1e6:.2f} MB), "
               f"{row['wall_s']:.1f} s, {row['mb']:.2f} MB and {row['light_mb']:.2f} of light; of the light "
               f"{100 * row['share']:.1f} % is baked, noise at most {100 * row['noise']:.2f} %", flush=True)
     for what, names in (("made-up ground", [name for name in rows if name != FROM_FILES]), ("all", list(rows))):
@@ -162,5 +147,4 @@ if __name__ == "__main__":
     parser.add_argument("--least", type=int, default=LEAST, help="pairs of a set at least")
     parser.add_argument("--scale", type=float, default=0.5, help="factor for the width and height of the image")
     parser.add_argument("--sets", nargs="*", choices=SETS, default=SETS, help="sets to render")
-    parser.add_argument("--traced", action="store_true", help="trace indirect light")
     main(parser.parse_args())

@@ -23,6 +23,7 @@ import numpy as np
 from icymoon.nodes.scene import build
 from icymoon.render.cost import estimate
 from icymoon.render.plans.planned_pair import expand_headings
+from icymoon.render.plans.triangles import count_triangles
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
 from icymoon.typed_settings import Settings
@@ -96,7 +97,7 @@ def main(arguments: list[str]) -> int:
         settings = description.merged(description.defaults(), SMALL, description.check(changes, "benchmark"))
         with tempfile.TemporaryDirectory() as folder:
             build_s, first_s, other_s, size = measured(settings, Path(folder))
-        work, triangles = estimate.work_of(settings), estimate.count_triangles(settings)
+        work, triangles = estimate.work_of(settings), count_triangles(settings)
         expected = work.seconds(triangles)
         print(f"{name:32} {triangles / 1e6:6.3f} {build_s:8.2f} {first_s:8.2f} {other_s:8.2f} "
               f"{expected:8.2f} {size / work.pixels:9.1f} {estimate.bytes_of(settings) / work.pixels:8.1f}", flush=True)

@@ -18,7 +18,7 @@ from ..number_text import count_of
 from ..render.cost.abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans import frozen_plan as datasets
-from ..render.plans.order import ordered, shard
+from ..render.plans.order import MOST_SCENES, ordered, shard, usual_workers
 from ..render.plans.planned_pair import PlannedPair
 from ..render.workers.cards import choose_cards
 from ..render.workers.job import python_command
@@ -33,8 +33,6 @@ from ..terminal import as_path, show_progress
 from .renderer_options import add_blender_option, add_cards_option
 
 Say = Callable[..., None]
-#: Threads that a worker has, where the machine has that many: sampling scales well up to there.
-_THREADS = 4
 
 
 def add_batch_options(parser: argparse.ArgumentParser) -> None:
@@ -91,7 +89,7 @@ def _add_worker_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--workers", type=int, metavar="N", help="processes that render (one for four processors)")
     parser.add_argument("--threads-per-worker", type=int, metavar="N", help="threads of each (all, divided evenly)")
     add_cards_option(parser)
-    parser.add_argument("--scenes-per-worker", type=int, default=50, metavar="N",
+    parser.add_argument("--scenes-per-worker", type=int, default=MOST_SCENES, metavar="N",
                         help="scenes after which a process is replaced by a fresh one (%(default)s)")
     add_blender_option(parser)
     parser.add_argument("--json", action="store_true", help="print what happens as JSON lines")
@@ -104,7 +102,7 @@ def parse_workers(options: argparse.Namespace) -> WorkerOptions:
         if value is not None and value < 1:
             raise IcyMoonError(f"--{name.replace('_', '-')} is {value}; give 1 or more.")
     cards = choose_cards(options.cards)
-    count = options.workers or (len(cards.numbers) if options.cards else 0) or max(1, count_processors() // _THREADS)
+    count = options.workers or (len(cards.numbers) if options.cards else 0) or usual_workers()
     threads = options.threads_per_worker or max(1, count_processors() // count)
     return WorkerOptions(count, threads, options.blender, options.scenes_per_worker, cards=cards)
 

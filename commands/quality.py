@@ -80,10 +80,10 @@ def _add_bench_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _run_quality(options: argparse.Namespace) -> int:
-    from ..render.cost.estimate import count_triangles
     from ..render.cost.measure_speed import measure_speed
     from ..render.cost.quality_presets import list_qualities
     from ..render.cost.speed import recall_speed
+    from ..render.plans.triangles import count_triangles
 
     with report_errors(options.json):
         settings = read_settings(options)

@@ -149,13 +149,21 @@ def _preset(name: str) -> str:
     rows = [(f"[{topic}.{key}](settings.md#{_owner(topic)}.{key})", _cell(_value(value)),
              _cell(sources[f"{topic}.{key}"])) for topic, values in raw.items() for key, value in values.items()]
     text += "\n" + _table(("Setting", "Value", "Source"), rows)
-    if measured:
-        text += (f"\nMeasured on {measured['scene']} (`{measured['command']}`). The mean error of SGBM grows by "
-                 f"{measured['sgbm_px']:.3f} px, and its share of wrong or missing pixels by "
-                 f"{100 * measured['sgbm_wrong']:.1f} %. The mean radiance is off by "
-                 f"{100 * measured['radiance_bias']:+.2f} %, a pixel by {100 * measured['radiance_rms']:.1f} % (root "
-                 "mean square).\n")
-    return text
+    return text + (_measured(measured) if measured else "")
+
+
+def _measured(measured: dict[str, Any]) -> str:
+    """The cost of a quality and its distance from a converged render."""
+    bake = f", and baking its light {measured['bake_cpu_s']:.1f} s" if measured["bake_cpu_s"] else ""
+    text = (f"\nMeasured on {measured['scene']} (`{measured['command']}`). A further pair takes "
+            f"{measured['cpu_s']:.1f} processor seconds{bake}. The mean radiance is off by "
+            f"{100 * measured['radiance_bias']:+.2f} %, a pixel by {100 * measured['radiance_rms']:.1f} % (root mean "
+            "square). Differences from the converged render:\n\n")
+    suns = {key.split("_")[1]: found for key, found in measured.items() if key.startswith("sun_")}
+    rows = [(f"{matcher}", *(f"{100 * found[f'{label}_{key}']:+.1f} %" for found in suns.values()
+                             for key in ("bad_1", "coverage")))
+            for label, matcher in (("bm", "StereoBM"), ("sgbm", "SGBM"), ("jplv", "JPLV"))]
+    return text + _table(("Matcher", *(f"Sun {sun}°: {what}" for sun in suns for what in ("bad-1", "coverage"))), rows)
 
 
 def _value(value: Any) -> str:

@@ -8,18 +8,16 @@ this machine.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ...errors import IcyMoonError
-from ...formats import mesh_file
 from ...labels import IMAGE_PASS, NORMAL_PASS, rounded_passes
 from ...number_text import count_of
 from ...paper_stand_ins.items import mesh_item
-from ...physics.mesh.grading import grade
 from ...physics.scene_requirements import (
     image_quality,
     is_baked,
@@ -27,21 +25,21 @@ from ...physics.scene_requirements import (
     rendered_surface,
     surface_topics,
 )
-from ...physics.terrain.terrain import make_terrain
 from ...settings import changes
-from ...settings.user_files import used_files
 from ...system import count_processors
 from ...typed_settings import Settings
 from ..pairs.pair_folder import StereoCamera, is_complete, read_pair
-from ..plans.indirect import bake_seconds, light_key
-from ..plans.order import ordered, settings_key
+from ..plans.indirect import bake_seconds, light_bytes, light_key
+from ..plans.order import MOST_SCENES, cut_into_jobs, ordered, settings_key, usual_workers
 from ..plans.planned_pair import PlannedPair
-from .speed import Speed
+from ..plans.triangles import count_triangles
+from .speed import Speed, wall_seconds
 
-#: Processor seconds, 2-core x86 server, Blender 5.0 (``benchmarks/plan_cost.py``): a worker, a build, a pair.
-_START_S = 3.0
-_SCENE_S, _BUILD_S_PER_MTRI, _ROCKS_BUILD_S = 0.2, 0.7, 0.2
-_PAIR_S, _PAIR_S_PER_MTRI = 0.05, 0.6
+#: Processor seconds, 2-core x86 server, Blender 5.0 (``benchmarks/plan_cost.py``): what starts workers, a worker, a
+#: build, that of ground from a file, a pair.
+_START_S, _WORKER_S = 1.0, 1.5
+_SCENE_S, _BUILD_S_PER_MTRI, _ROCKS_BUILD_S, _FILE_BUILD_S = 0.2, 0.7, 0.6, 1.15
+_PAIR_S, _PAIR_S_PER_MTRI, _ROCKS_PAIR_S = 0.05, 0.6, 0.4
 _S_PER_MPX, _SAMPLE_S_PER_MPX, _DENOISE_S_PER_MPX = 2.1, 2.06, 3.5
 #: By ``quality.truth_by``; and the trees for rays, once a scene (``benchmarks/truth_cost.py``).
 _TRUTH_S_PER_MPX, _RAYS_S_PER_MTRI = {"CYCLES": 5.6, "RAYS": 1.7}, 1.0
@@ -77,8 +75,14 @@ class _NormalBytes:
 _LIGHT = {False: _LightBytes(2.6, 0.4, 4.2, 12.0, 0.97, 0.7, 1.9),
           True: _LightBytes(0.84, 0.25, 1.87, 3.87, 0.93, 1.04, 1.95)}
 _NORMALS = {False: _NormalBytes(11.9, 10.35, 10.8, -1.21, 0.9), True: _NormalBytes(4.3, 4.9, 7.7, -0.987, 0.87)}
+#: Images that have colours and detail in each pixel, so that light has as many values as noise gives it.
+_PHOTOGRAPHS = ("STAND_IN", "OWN", "MESH")
 #: Bytes of depth, of what rocks add to labels and normals, and of the rest.
 _DEPTH, _ROCK_LABELS, _REST = 4.0, 1.0, 0.2
+#: Bytes of ``pair.json``.
+STATED_BYTES = 25e3
+#: Pitch of a camera that looks farther, down to which the facets that it sees are counted, degrees.
+_LOWEST_DEG = 15.0
 #: Normals of facets by rays, over those by Cycles, which have an alpha of 1 too.
 _FACETS_OF_RAYS = 0.87
 #: Neighbours in larger images are more alike: bytes of twice the columns over those of one.
@@ -89,7 +93,10 @@ _MODELS = {"LAMBERT": 0.75, "LOMMEL_SEELIGER": 0.75, "LUNAR_LAMBERT": 0.8, "PRIN
            "SNOW": 0.8}
 _HAPKE_NODES, _HAPKE_REFERENCE = 1.15, 3.45
 _RELIEF, _RELIEF_CAMERA = 0.25, 0.21  # added by shaded relief, and where the camera alone meets it
-_TRANSMISSION, _IMAGES, _ROCKS = 0.3, 2.9, 0.6  # added by clear ice, images on the ground and rocks
+_TRANSMISSION, _ROCKS = 0.3, 0.6  # added by clear ice and rocks
+#: Added by images on the ground, of which Lambert's law reads colour and normals only; a mesh's own image adds the last
+#: share of it.
+_IMAGES, _IMAGES_LAMBERT, _OWN_IMAGE = 2.9, 0.6, 0.3
 #: Cost that subsurface scattering adds, whatever its length, and the weight at which it adds half of it.
 _WALK, _BURLEY, _HALF = 12.0, 0.5, 0.5
 #: Cycles' own least samples under a noise threshold t are 16 t^-0.3; beyond them a pixel of noise s of one sample takes
@@ -109,18 +116,19 @@ _UNKNOWN_DEVICE = math.log(30.0) / 2  # a graphics card
 @dataclass(frozen=True)
 class Work:
     """What a pair asks of the machine: pixels of both eyes, samples, cost of one relative to Lambert's law, whether
-    it is denoised, and the processor seconds of a megapixel of the truth."""
+    it is denoised, the processor seconds of a megapixel of the truth, and whether there are rocks."""
 
     pixels: int
     samples: float
     relative: float
     denoised: bool
     truth_s_per_mpx: float
+    rocks: bool = False
 
     def seconds(self, triangles: float) -> float:
         """Processor seconds of the pair in a scene of so many triangles that is there."""
         mpx = self.pixels / 1e6
-        return _PAIR_S + _PAIR_S_PER_MTRI * triangles / 1e6 + mpx * (
+        return _PAIR_S + _ROCKS_PAIR_S * self.rocks + _PAIR_S_PER_MTRI * triangles / 1e6 + mpx * (
             _S_PER_MPX + self.truth_s_per_mpx + _DENOISE_S_PER_MPX * self.denoised
             + self.samples * self.relative * _SAMPLE_S_PER_MPX)
 
@@ -135,7 +143,7 @@ def work_of(settings: Settings) -> Work:
     relative += _ROCKS * (coverage > 0)
     samples = samples_taken(quality.samples, quality.noise_threshold)
     truth = _TRUTH_S_PER_MPX[quality.truth_by] if quality.truth == "FULL" else 0.0
-    return Work(pixels_of(settings), samples, relative, quality.denoiser != "NONE", truth)
+    return Work(pixels_of(settings), samples, relative, quality.denoiser != "NONE", truth, coverage > 0)
 
 
 def pixels_of(settings: Settings) -> int:
@@ -145,12 +153,14 @@ def pixels_of(settings: Settings) -> int:
 
 
 def bytes_of(settings: Settings) -> float:
-    """Bytes of the files of a pair with these complete settings, before any pair of the scene is known."""
+    """Bytes of the images of a pair with these complete settings, before any pair of the scene is known."""
     quality, light = image_quality(settings), settings.light
     rounded = rounded_passes(quality.files, quality.half_floats)
     stored = _LIGHT[IMAGE_PASS in rounded]
     samples = samples_taken(quality.samples, quality.noise_threshold)
     noisy = min(stored.most, stored.one_sample + stored.per_doubling * math.log2(samples))
+    if settings.textures.set in _PHOTOGRAPHS:
+        noisy = stored.most * stored.coloured
     coloured = light.planet and light.planet_face != "PLAIN"
     denoised = quality.denoiser != "NONE"
     seen = stored.denoised if denoised else noisy * (stored.coloured if coloured else 1.0)
@@ -166,11 +176,28 @@ def bytes_of(settings: Settings) -> float:
 def _shape(settings: Settings, stored: _NormalBytes) -> float:
     """Bytes per pixel of normals and labels. Cycles' truth has normals of shading too."""
     graded = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED"
-    fraction = 1.0 - math.exp(-stored.edges * settings.mesh.edge_px ** stored.power) if graded else stored.grid
+    fraction = 1.0 if graded else stored.grid
+    if edge_px := settings.mesh.edge_px if graded else _edge_px(settings):
+        fraction *= 1.0 - math.exp(-stored.edges * edge_px ** stored.power)
     labels = _ROCK_LABELS * (settings.rocks.coverage > 0)
     if settings.quality.truth_by == "RAYS":
         return stored.most * fraction + labels
     return stored.shading + stored.most * fraction / _FACETS_OF_RAYS + labels
+
+
+def _edge_px(settings: Settings) -> float:
+    """Edge of a triangle as large as a facet of ground that is not graded, where the camera looks; 0 if that is not
+    known before it is read."""
+    rig, source = settings.rig, settings.source
+    if source.kind == "PROCEDURAL":
+        edge_m = math.sqrt(2.0) * settings.terrain.size_m / (settings.terrain.resolution - 1)
+    elif source.kind == "STAND_IN":
+        item = mesh_item(source.stand_in)
+        edge_m = item.size_m * math.sqrt(2.0 / item.triangles)
+    else:
+        return 0.0
+    away_m = rig.height_m / math.sin(math.radians(max(_LOWEST_DEG, abs(rig.pitch_deg))))
+    return edge_m / away_m * StereoCamera.from_settings(rig).focal_px
 
 
 def sky_fraction(settings: Settings) -> float:
@@ -196,7 +223,10 @@ def _sample_cost(settings: Settings, topic: str) -> float:
         relative += (_BURLEY if burley else _WALK) * under / (under + _HALF) + _TRANSMISSION * surface.transmission
     if surface.relief != "DISPLACEMENT" and surface.grain_amplitude_m > 0:
         relative += _RELIEF_CAMERA if only_camera_meets_relief(surface, settings.quality) else _RELIEF
-    return relative + _IMAGES * (settings.textures.set != "NONE")
+    if settings.textures.set == "NONE":
+        return relative
+    images = _IMAGES_LAMBERT if surface.model == "LAMBERT" else _IMAGES
+    return relative + images * (_OWN_IMAGE if settings.textures.set == "MESH" else 1.0)
 
 
 def samples_taken(samples: int, threshold: float) -> float:
@@ -209,24 +239,11 @@ def samples_taken(samples: int, threshold: float) -> float:
     return min(float(samples), max(_LEAST * threshold**_LEAST_POWER, (_SAMPLE_NOISE / threshold) ** 2))
 
 
-def count_triangles(settings: Settings) -> float:
-    """Triangles of the ground of complete settings, roughly where it is a file.
-
-    Raises IcyMoonError if a file of one's own cannot be read.
-    """
-    if settings.source.kind == "STAND_IN":
-        return float(mesh_item(settings.source.stand_in).triangles)
-    if settings.source.kind == "MESH":
-        return float(mesh_file.estimate_cost(used_files(settings)["source.file"]).triangles)
-    if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
-        return 2.0 * grade(make_terrain(settings, int(settings.dataset.seed)), settings).rings.vertices
-    return 2.0 * (settings.terrain.resolution - 1) ** 2
-
-
 def scene_seconds(settings: Settings, triangles: float) -> float:
     """Processor seconds of building a scene."""
     traced = _RAYS_S_PER_MTRI * (settings.quality.truth == "FULL" and settings.quality.truth_by == "RAYS")
-    return _SCENE_S + (_BUILD_S_PER_MTRI + traced) * triangles / 1e6 + _ROCKS_BUILD_S * (settings.rocks.coverage > 0)
+    return (_SCENE_S + (_BUILD_S_PER_MTRI + traced) * triangles / 1e6 + _ROCKS_BUILD_S * (settings.rocks.coverage > 0)
+            + _FILE_BUILD_S * (settings.source.kind != "PROCEDURAL"))
 
 
 @dataclass(frozen=True)
@@ -235,8 +252,8 @@ class Estimate:
 
     ``geometries``, ``surfaces`` and ``lights`` are how many different ones there are, ``scenes`` how many are built.
     ``seconds`` are of processor time, ``left_s`` those of the pairs that are not there; it lies between ``left_s``
-    divided and multiplied by ``factor`` in 19 of 20 cases. ``measured`` pairs have corrected it; before, it rests on
-    ``basis``.
+    divided and multiplied by ``factor`` in 19 of 20 cases, and takes ``left_wall_s`` on the clock. ``measured`` pairs
+    have corrected it; before, it rests on ``basis``.
     """
 
     pairs: int
@@ -247,6 +264,7 @@ class Estimate:
     lights: int
     seconds: float
     left_s: float
+    left_wall_s: float
     left_bytes: float
     factor: float
     measured: int
@@ -255,7 +273,7 @@ class Estimate:
 
     def lines(self) -> list[str]:
         """The estimate in words, a line each."""
-        left = self.left_s / self.processors
+        left = self.left_wall_s
         low, high = left / self.factor, left * self.factor
         basis = (f"corrected by {count_of(self.measured, 'rendered pair')}" if self.measured
                  else f"from {self.basis}")
@@ -265,7 +283,8 @@ class Estimate:
                 f"{count_of(self.lights, 'light')}; {count_of(self.scenes, 'scene')} to build"]
         if self.there < self.pairs:
             lines += [f"{duration_text(left)} on {count_of(self.processors, 'processor')} ({duration_text(low)} to "
-                      f"{duration_text(high)}; {basis})", f"{size_text(self.left_bytes)} on the disk"]
+                      f"{duration_text(high)}; {basis}), {duration_text(self.left_s)} of a processor",
+                      f"{size_text(self.left_bytes)} on the disk"]
         return lines
 
     def to_json(self) -> dict[str, Any]:
@@ -293,31 +312,46 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
     keys = [tuple(settings_key(part, pair) for part in (changes.scene, changes.look, changes.light)) for pair in pairs]
     triangles = _count_triangles_of_all({each[0]: pair for each, pair in zip(keys, pairs, strict=True)})
     there = {pair.id for pair in pairs if dataset is not None and is_complete(pair.folder(dataset))}
-    costs: dict[str, float] = {}
-    before = ""
-    baked: set[str] = set()
-    for (scene, *_), pair in zip(keys, pairs, strict=True):
-        costs[pair.id] = work_of(pair.settings).seconds(triangles[scene])
-        if scene != before:
-            costs[pair.id] += scene_seconds(pair.settings, triangles[scene])
-        before = scene
-        if is_baked(pair.settings) and (light := light_key(pair.settings)) not in baked:
-            costs[pair.id] += bake_seconds(pair.settings)
-            baked.add(light)
+    scenes = {pair.id: each[0] for each, pair in zip(keys, pairs, strict=True)}
     expected = {pair.id: work_of(pair.settings).seconds(triangles[each[0]])
                 for each, pair in zip(keys, pairs, strict=True)}
     ratios = _read_ratios(pairs, dataset, there, expected)
     factor, spread = _corrected(ratios, speed, any(pair.settings.quality.device == "GPU" for pair in pairs))
     left = [pair for pair in pairs if pair.id not in there]
-    start = _START_S if left else 0.0
+    lit = {light_key(pair.settings) for pair in pairs if pair.id in there and is_baked(pair.settings)}
+    left_s = factor * _processor_seconds(left, scenes, triangles, lit)
     return Estimate(
         pairs=len(pairs), there=len(there), geometries=len({settings_key(changes.geometry, pair) for pair in pairs}),
         scenes=len({k[0] for k in keys}), surfaces=len({k[1] for k in keys}), lights=len({k[2] for k in keys}),
-        seconds=factor * (sum(costs.values()) + _START_S),
-        left_s=factor * (sum(costs[pair.id] for pair in left) + start),
+        seconds=factor * _processor_seconds(pairs, scenes, triangles, set()),
+        left_s=left_s, left_wall_s=wall_seconds(left_s, speed),
         left_bytes=_count_bytes(pairs, left, dataset, there),
         factor=math.exp(2.0 * spread), measured=len(ratios), processors=count_processors(),
         basis=speed.basis if speed else "another machine's times")
+
+
+def _processor_seconds(pairs: Sequence[PlannedPair], scenes: Mapping[str, str], triangles: Mapping[str, float],
+                       lit: Set[str]) -> float:
+    """Processor seconds, on the machine of the coefficients, of ordered pairs of ``scenes`` of so many ``triangles``.
+
+    Workers start for their jobs, each builds the scenes of its own, and baked light is made once, if it is not among
+    that which is ``lit``.
+    """
+    seconds = _START_S if pairs else 0.0
+    baked = set(lit)
+    for job in cut_into_jobs(pairs, usual_workers(), MOST_SCENES):
+        seconds += _WORKER_S
+        before = ""
+        for pair in job:
+            scene = scenes[pair.id]
+            seconds += work_of(pair.settings).seconds(triangles[scene])
+            if scene != before:
+                seconds += scene_seconds(pair.settings, triangles[scene])
+            before = scene
+            if is_baked(pair.settings) and (light := light_key(pair.settings)) not in baked:
+                seconds += bake_seconds(pair.settings)
+                baked.add(light)
+    return seconds
 
 
 def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed: Speed | None) -> tuple[float, float]:
@@ -326,9 +360,9 @@ def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed
     Takes some milliseconds, because no triangles are counted and no pair of the data set is read.
     """
     work = sum(work_of(each).seconds(_UNCOUNTED) for each in some) / len(some) * pairs
-    work += grounds * scene_seconds(some[0], _UNCOUNTED) + _START_S
-    return ((speed.factor if speed else 1.0) * work / count_processors(),
-            sum(map(bytes_of, some)) / len(some) * pairs)
+    work += grounds * scene_seconds(some[0], _UNCOUNTED) + _START_S + _WORKER_S
+    return (wall_seconds((speed.factor if speed else 1.0) * work, speed),
+            (sum(map(bytes_of, some)) / len(some) + STATED_BYTES) * pairs)
 
 
 def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, float]:
@@ -360,9 +394,11 @@ def _read_ratios(pairs: Sequence[PlannedPair], dataset: Path | None, there: set[
     """Processor seconds that pairs took over those that were expected."""
     ratios = []
     for pair, facts in _read_pairs(pairs, dataset, there) if dataset is not None else ():
-        taken = facts.get("seconds", {})
-        threads = int(facts["settings"].get("quality", {}).get("threads") or count_processors())
+        taken, quality = facts.get("seconds", {}), facts["settings"].get("quality", {})
+        threads = int(quality.get("threads") or count_processors())
         seconds = float(taken.get("render", 0.0)) * threads + float(taken.get("write", 0.0))
+        if quality.get("device", "CPU") == "CPU":
+            seconds = float(facts.get("cpu_seconds", {}).get("pair", seconds))
         if seconds > 0:
             ratios.append(seconds / expected[pair.id])
     return ratios
@@ -395,8 +431,12 @@ def count_bytes_left(pairs: Sequence[PlannedPair], dataset: Path, again: bool = 
 
 def _count_bytes(pairs: Sequence[PlannedPair], left: Sequence[PlannedPair], dataset: Path | None,
                  there: set[str]) -> float:
-    """Bytes that are left to write: as many as expected, times what those that are there had over theirs."""
+    """Bytes that are left to write: as many as expected, times what those that are there had over theirs, and light
+    that is baked for those that are left."""
     known = [(sum(float(f["bytes"]) for f in facts["files"].values()), bytes_of(pair.settings))
              for pair, facts in (_read_pairs(pairs, dataset, there) if dataset is not None else ())]
     expected = sum(bytes_of(pair.settings) for pair in left)
-    return expected * sum(a for a, _ in known) / sum(b for _, b in known) if known else expected
+    if known:
+        expected *= sum(a for a, _ in known) / sum(b for _, b in known)
+    lights = {light_key(pair.settings): pair.settings for pair in left if is_baked(pair.settings)}
+    return expected + STATED_BYTES * len(left) + sum(map(light_bytes, lights.values()))

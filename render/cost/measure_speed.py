@@ -12,10 +12,11 @@ from ...file_shapes import NUMBER, TEXT, read_record
 from ...settings.description import defaults, merged
 from ...system import count_processors
 from ...typed_settings import Settings
+from ..plans.triangles import count_triangles
 from ..workers.job import Job, render_job
 from ..workers.process import Message
 from .abilities import ask_abilities
-from .estimate import count_triangles, work_of
+from .estimate import work_of
 from .speed import Speed, remember_speed
 
 #: What is rendered: all that a pair has (both eyes, interreflection, denoiser, truth, files), in some 4 processor
@@ -23,6 +24,8 @@ from .speed import Speed, remember_speed
 _SMALL_RENDER: dict[str, dict[str, Any]] = {
     "rig": {"width_px": 320, "height_px": 240}, "mesh": {"error_px": 4.0, "edge_px": 24.0},
     "surface": {"model": "LAMBERT"}, "quality": {"samples": 8, "denoiser": "OIDN"}, "dataset": {"headings": 3}}
+#: Share of the processors that is taken to be at work at least.
+_LEAST_BUSY = 0.5
 #: What is read of a rendered pair.
 _PAIR = {"seconds": {"render": NUMBER, "write": NUMBER}, "cpu_seconds": {"pair": NUMBER}, "versions": {"blender": TEXT}}
 
@@ -36,18 +39,18 @@ def small_render(device: str, denoiser: bool = True) -> Settings:
 def read_speed(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
     """What pairs of ``small_render`` took: the fastest but the first, for other work may slow any of them down.
 
-    All processors are taken to be at work half the time at least: where a pair took longer, other work had them, or
-    the pair is too small for so many. Raises IcyMoonError if they cannot be read.
+    Half of the processors are taken to be at work at least: where a pair took longer, other work had them, or the pair
+    is too small for so many. Raises IcyMoonError if they cannot be read.
     """
     settings = small_render(device, denoiser)
     expected = work_of(settings).seconds(count_triangles(settings))
     try:
         facts = [read_record(pair / "pair.json", _PAIR, "measure again") for pair in pairs]
-        taken = [count_processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
-        if device == "CPU":
-            taken += [2.0 * each["cpu_seconds"]["pair"] for each in facts[1:]]
-        return Speed(min(taken) / expected, device, facts[0]["versions"]["blender"], count_processors(),
-                     datetime.now(UTC).isoformat(timespec="minutes"))
+        held = [count_processors() * (each["seconds"]["render"] + each["seconds"]["write"]) for each in facts[1:]]
+        worked = [each["cpu_seconds"]["pair"] for each in facts[1:]] if device == "CPU" else held
+        busy = max(min(1.0, own / whole) for own, whole in zip(worked, held, strict=True))
+        return Speed(min(worked) / expected, device, facts[0]["versions"]["blender"], count_processors(),
+                     datetime.now(UTC).isoformat(timespec="minutes"), max(_LEAST_BUSY, busy))
     except (OSError, IcyMoonError, ValueError, IndexError) as error:
         raise IcyMoonError(f"The small render that measures this machine cannot be read ({error}); try "
                            "again.") from None

@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from ...physics.scene_requirements import is_baked
 from ...settings.description import merged
 from ...settings.preset_files import load, preset_header, preset_names, preset_path
 from ...settings.toml_text import read_toml
-from ...system import count_processors
 from ...typed_settings import Settings
+from ..plans.indirect import bake_seconds, settle_indirect
 from .abilities import Abilities, lack_for
 from .estimate import duration_text, spread_before, work_of
-from .speed import Speed
+from .speed import Speed, wall_seconds
 
 
 @dataclass(frozen=True)
@@ -54,8 +55,13 @@ class QualityPreset:
 
 
 def pair_seconds(settings: Settings, triangles: float, speed: Speed | None) -> tuple[float, float]:
-    """Wall seconds of a further pair of a scene of so many triangles, and the factor that they may be off by."""
-    seconds = work_of(settings).seconds(triangles) * (speed.factor if speed else 1.0) / count_processors()
+    """Wall seconds of a further pair of a scene of so many triangles, and the factor that they may be off by. Light
+    that is baked where a pair sees it counts; light that all pairs share does not."""
+    settled = settle_indirect(settings, int(settings.dataset.headings))
+    work = work_of(settled).seconds(triangles)
+    if is_baked(settled) and settled.quality.bake_area == "VIEW":
+        work += bake_seconds(settled)
+    seconds = wall_seconds(work * (speed.factor if speed else 1.0), speed)
     return seconds, math.exp(2.0 * spread_before(speed, settings.quality.device == "GPU"))
 
 

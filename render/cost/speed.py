@@ -1,7 +1,8 @@
-"""How fast this machine is: the number that ``measure_speed`` found, and the file that keeps it. Imports no Blender.
+"""How fast this machine is: what ``measure_speed`` found, and the file that keeps it. Imports no Blender.
 
-One number per computer, device, version of Blender and number of processors: the seconds that a pair took over those
-that ``estimate`` expects. The file is in the user's cache folder, so that the window and the command line share it.
+Two numbers per computer, device, version of Blender and number of processors: the processor seconds that a pair took
+over those that ``estimate`` expects, and the share of the processors that were at work. The file is in the user's cache
+folder, so that the window and the command line share it.
 """
 
 from __future__ import annotations
@@ -20,13 +21,15 @@ from ...system import count_processors
 
 @dataclass(frozen=True)
 class Speed:
-    """What was measured: processor seconds that a pair takes here over those that ``cost`` expects."""
+    """What was measured: processor seconds that a pair takes here over those that ``cost`` expects, and the share of
+    the processors that are ``busy`` meanwhile. With a graphics card all seconds of all processors count as busy."""
 
     factor: float
     device: str
     blender: str
     processors: int
     measured: str  # moment, UTC, ISO 8601
+    busy: float = 1.0
 
     @property
     def basis(self) -> str:
@@ -34,8 +37,15 @@ class Speed:
         return f"this machine, Blender {self.blender}, measured {self.measured[:10]}"
 
 
-#: How that is kept.
-_SPEED = {"factor": POSITIVE, "device": TEXT, "blender": TEXT, "processors": COUNT, "measured": TEXT}
+#: How that is kept. What versions before ``busy`` kept is measured again.
+_SPEED = {"factor": POSITIVE, "device": TEXT, "blender": TEXT, "processors": COUNT, "measured": TEXT, "busy": POSITIVE}
+#: Share of the processors at work on a machine that was not measured.
+_BUSY = 0.85
+
+
+def wall_seconds(processor_s: float, speed: Speed | None) -> float:
+    """Seconds on the clock of so many processor seconds, which ``speed.factor`` has corrected."""
+    return processor_s / (count_processors() * (speed.busy if speed else _BUSY))
 
 
 def _speed_file() -> Path:

@@ -9,32 +9,44 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
+from functools import lru_cache
 
 import numpy as np
 
+from ...errors import IcyMoonError
+from ...paper_stand_ins.items import mesh_item
 from ...physics.light.baked_rocks import POINTS
 from ...physics.mesh.grading import grade
 from ...physics.rig.seen_points import is_seen
 from ...physics.rocks.rocks import LEVEL_RANKS
 from ...physics.rocks.size_laws import size_law
 from ...physics.rocks.table import TABLE
-from ...physics.scene_requirements import can_be_baked, direct_quality
+from ...physics.scene_requirements import can_be_baked, direct_quality, images_per_bake
 from ...physics.terrain.terrain import make_terrain
 from ...settings import changes
 from ...settings.description import merged
-from ...typed_settings import QualitySettings, Settings
+from ...typed_settings import QualitySettings, RigSettings, Settings
 from ..pairs.pair_folder import StereoCamera
+from .triangles import count_triangles
 
-#: Processor seconds of a million paths from the corners of a mesh, and of starting the four bakes (2-core x86 server,
-#: Blender 5.0, three bounces).
-_S_PER_MPATH, _START_S = 0.8, 0.8
+#: Processor seconds of a million paths from the corners of a flat mesh, what is added on ground that is as steep as
+#: this or has layers of noise, where fewer paths end in the sky, and of starting the bakes (2-core x86 server, Blender
+#: 5.0).
+_S_PER_MPATH, _STEEP_S, _STEEP_DEG, _START_S = 0.45, 0.5, 25.0, 0.8
 #: The same per million pixels: of a sample of direct light of Lambert ground with fine relief, what a bounce adds to
 #: it, and the denoiser.
 _DIRECT_S, _BOUNCE_S, _DENOISE_S = 1.76, 0.17, 3.5
-#: Corners of a uniform grid for each vertex, and of triangles.
-_OF_A_QUAD, _OF_TRIANGLES = 4.0, 6.0
-#: Paths from a point of a rock: three texels with their samples.
-_OF_A_POINT = 72.0
+#: Corners of a uniform grid for each vertex, of triangles for each vertex, and of a triangle.
+_OF_A_QUAD, _OF_TRIANGLES, _OF_A_TRIANGLE = 4.0, 6.0, 3.0
+#: Processor seconds of a point of a rock: three texels with their samples, among other rocks.
+_S_PER_POINT = 2.5e-4
+#: Rocks over those of the patch, where they go on beyond it.
+_WITH_FAR_ROCKS = 2.8
+#: The same of images on the ground, and of a mesh's own image.
+_IMAGES_S, _OWN_IMAGE_S = 0.95, 0.1
+#: Bytes of a file of baked light: of a vertex that has light, and of a rock.
+_OF_A_VERTEX, _OF_A_ROCK = 11.0, 140.0
 #: Points along a side of a uniform grid of which it is counted how many are seen, at most.
 _MOST_TRIED = 129
 
@@ -55,6 +67,12 @@ def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
     return found
 
 
+def settle_indirect(settings: Settings, images: int) -> Settings:
+    """Settings with BAKED or TRACED in place of AUTO, as a data set of so many images of one ground under one Sun, in
+    different directions, would have them."""
+    return choose_indirect([settings] * images_per_bake(settings, images))[0]
+
+
 def light_key(settings: Settings) -> str:
     """A text that is equal for pairs that can share baked light."""
     quality = settings.quality
@@ -71,37 +89,69 @@ def break_even(settings: Settings) -> int:
 
 
 def bake_seconds(settings: Settings) -> float:
-    """Processor seconds of baking the light of a made-up ground and its rocks, that of the planet too, if it takes all
-    its samples."""
-    paths = settings.quality.bake_samples * _count_corners(settings) + _OF_A_POINT * _count_points(settings)
-    once = _START_S + _S_PER_MPATH * paths / 1e6
+    """Processor seconds of baking the light of a ground and its rocks, that of the planet too, if it takes all its
+    samples."""
+    paths = settings.quality.bake_samples * _count_corners(settings)
+    steep = 1.0 if settings.terrain.layers else min(1.0, settings.terrain.rms_slope_deg / _STEEP_DEG)
+    images = {"NONE": 0.0, "MESH": _OWN_IMAGE_S}.get(settings.textures.set, _IMAGES_S)
+    once = _START_S + (_S_PER_MPATH + _STEEP_S * steep + images) * paths / 1e6 + _S_PER_POINT * _count_points(settings)
     return once * (1 + settings.light.planet)
+
+
+def light_bytes(settings: Settings) -> float:
+    """Bytes of the file of the baked light of a ground and its rocks, that of the planet too."""
+    triangular = settings.source.kind in ("STAND_IN", "MESH") or settings.mesh.kind == "GRADED"
+    vertices = _count_corners(settings) / (_OF_TRIANGLES if triangular else _OF_A_QUAD)
+    return (_OF_A_VERTEX * vertices + _OF_A_ROCK * _count_rocks(settings)) * (1 + settings.light.planet)
 
 
 def _count_corners(settings: Settings) -> float:
     """Corners to which light is baked, with ``quality.bake_area`` VIEW as if the ground were level."""
-    terrain, rig = settings.terrain, settings.rig
-    if settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
-        of_a_vertex, rings = _OF_TRIANGLES, grade(make_terrain(settings, int(settings.dataset.seed)), settings).rings
-        vertices, (east, north) = rings.vertices, rings.map_positions()
-    else:
-        of_a_vertex, vertices = _OF_A_QUAD, terrain.resolution ** 2
-        across = np.linspace(-terrain.size_m / 2, terrain.size_m / 2, min(terrain.resolution, _MOST_TRIED))
-        east, north = (each.ravel() for each in np.meshgrid(across - rig.x_m, across - rig.y_m))
-    if settings.quality.bake_area == "VIEW":
-        return float(of_a_vertex * vertices * is_seen(rig, east, north, np.full(len(east), -rig.height_m)).mean())
-    return of_a_vertex * vertices
+    terrain, rig, source = settings.terrain, settings.rig, settings.source
+    in_view = settings.quality.bake_area == "VIEW"
+    if source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED":
+        rings = grade(make_terrain(settings, int(settings.dataset.seed)), settings).rings
+        corners = _OF_TRIANGLES * rings.vertices
+        if in_view:
+            east, north = rings.map_positions()
+            corners *= is_seen(rig, east, north, np.full(len(east), -rig.height_m)).mean()
+        return float(corners)
+    size_m, corners = terrain.size_m, _OF_A_QUAD * terrain.resolution ** 2
+    if source.kind == "STAND_IN":
+        size_m = mesh_item(source.stand_in).size_m
+    if source.kind in ("STAND_IN", "MESH"):
+        with suppress(IcyMoonError):  # a file that cannot be read; the build reports why
+            corners = _OF_A_TRIANGLE * count_triangles(settings)
+    points = min(terrain.resolution, _MOST_TRIED)
+    return corners * (_share_seen(size_m, points, tuple(rig.items())) if in_view else 1.0)
+
+
+@lru_cache(maxsize=256)
+def _share_seen(size_m: float, points: int, rig_items: tuple[tuple[str, float], ...]) -> float:
+    """Share of a level square of so many metres, of which so many points along a side are tried, that a rig sees."""
+    rig = RigSettings(rig_items)
+    across = np.linspace(-size_m / 2, size_m / 2, points)
+    east, north = (each.ravel() for each in np.meshgrid(across - rig.x_m, across - rig.y_m))
+    return float(is_seen(rig, east, north, np.full(len(east), -rig.height_m)).mean())
 
 
 def _count_points(settings: Settings) -> float:
     """Points of rocks to which light is baked; of a table of rocks, the most that there can be."""
+    count = _count_rocks(settings)
+    ends = (0.0, *(min(rank, count) for rank in LEVEL_RANKS), count)
+    return sum(points * (end - start) for points, start, end in zip(POINTS, ends, ends[1:], strict=False))
+
+
+def _count_rocks(settings: Settings) -> float:
+    """Rocks that are baked; of a table of rocks, the most that there can be."""
     rocks = settings.rocks
     if rocks.coverage <= 0:
         return 0.0
-    count = float(rocks.most) if rocks.law == TABLE else min(
-        rocks.most, size_law(rocks).total_per_m2 * settings.terrain.size_m ** 2)
-    ends = (0.0, *(min(rank, count) for rank in LEVEL_RANKS), count)
-    return sum(points * (end - start) for points, start, end in zip(POINTS, ends, ends[1:], strict=False))
+    if rocks.law == TABLE:
+        return float(rocks.most)
+    far = settings.source.kind == "PROCEDURAL" and settings.mesh.kind == "GRADED" and rocks.beyond_px > 0
+    of_the_patch = size_law(rocks).total_per_m2 * settings.terrain.size_m ** 2
+    return min(float(rocks.most), of_the_patch * (_WITH_FAR_ROCKS if far else 1.0))
 
 
 def _pair_seconds(settings: Settings, quality: QualitySettings) -> float:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from itertools import groupby, pairwise
 
 from ...settings import changes
+from ...system import count_processors
 from ...typed_settings import Parts, Settings
 from .planned_pair import PlannedPair
 
@@ -18,6 +19,15 @@ _STAGES: tuple[Callable[[Settings], Parts], ...] = (
     changes.scene, changes.look, changes.light, changes.lander, changes.camera, changes.sampling)
 #: Jobs per worker that a data set is cut into, so that the last ones of all workers end at about the same time.
 _JOBS_PER_WORKER = 4
+#: Scenes that one process renders at most, unless another number is given.
+MOST_SCENES = 50
+#: Processors for each worker, unless another number is given: sampling scales well to so many threads.
+_PROCESSORS_PER_WORKER = 4
+
+
+def usual_workers() -> int:
+    """Workers that render a data set on this machine, unless another number is given."""
+    return max(1, count_processors() // _PROCESSORS_PER_WORKER)
 
 
 def settings_key(part: Callable[[Settings], Parts], pair: PlannedPair) -> str:

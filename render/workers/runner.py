@@ -21,7 +21,7 @@ from ...settings.description import Restorer
 from ..pairs.baked_file import LIGHT
 from ..pairs.our_files import check_no_link
 from ..pairs.pair_folder import has_response, is_complete, read_complete, update_response
-from ..plans.order import cut_into_jobs
+from ..plans.order import MOST_SCENES, cut_into_jobs
 from ..plans.planned_pair import PlannedPair
 from .cards import ALL_CARDS, Cards, add_cards, choose_one
 from .claims import CLAIMS_FOLDER, Claims
@@ -53,7 +53,7 @@ class WorkerOptions:
     count: int
     threads: int
     blender: str
-    most_scenes: int = 50
+    most_scenes: int = MOST_SCENES
     silence_s: float = 3600.0
     cards: Cards = ALL_CARDS
 

@@ -10,9 +10,10 @@ from icymoon.commands import batch, cli
 from icymoon.errors import IcyMoonError
 from icymoon.render.cost import abilities, measure_speed
 from icymoon.render.cost.abilities import Abilities, find_lack, lack_for, needs_full_build
-from icymoon.render.cost.estimate import count_triangles, work_of
+from icymoon.render.cost.estimate import work_of
 from icymoon.render.cost.quality_presets import list_qualities
 from icymoon.render.cost.variants import candidates, variants
+from icymoon.render.plans.triangles import count_triangles
 from icymoon.settings.description import check, defaults, merged
 from icymoon.stereo.trade import measure_variants
 from icymoon.typed_settings import Settings
@@ -139,7 +140,7 @@ def test_a_machine_is_measured_without_the_denoiser_that_it_lacks(tmp_path):
         (folder / "pair.json").write_text(json.dumps({
             "seconds": {"render": 3.0 * expected, "write": 0.0}, "cpu_seconds": {"pair": 1.5 * expected},
             "versions": {"blender": "4.3.2"}}))
-    assert measure_speed.read_speed(folders, "CPU", denoiser=False).factor == pytest.approx(3.0)
+    assert measure_speed.read_speed(folders, "CPU", denoiser=False).factor == pytest.approx(1.5)
 
 
 def test_a_blender_that_cannot_be_asked_is_told_of(tmp_path):

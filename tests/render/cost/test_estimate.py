@@ -9,7 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.render.cost import estimate
 from icymoon.render.pairs.pair_folder import StereoCamera
+from icymoon.render.plans.indirect import bake_seconds, light_bytes
+from icymoon.render.plans.order import cut_into_jobs, ordered
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
+from icymoon.render.plans.triangles import count_triangles
 from icymoon.settings import description
 from icymoon.typed_settings import Parts, Settings
 
@@ -99,26 +102,56 @@ def test_samples_and_pixels_count_in_proportion():
     assert of(11, 128) - of(10, 128) == pytest.approx(2 * per_sample)
 
 
-def test_a_scene_is_built_once_for_all_its_pairs():
+@pytest.fixture(autouse=True)
+def two_processors(monkeypatch):
+    """A machine of one worker, whatever this one has."""
+    for module in ("icymoon.render.plans.order", "icymoon.render.cost.estimate", "icymoon.render.cost.speed"):
+        monkeypatch.setattr(f"{module}.count_processors", lambda: 2)
+
+
+def test_a_scene_is_built_once_for_all_pairs_of_a_job():
     one = described()
     others = [described({"light": {"sun_elevation_deg": e}}) for e in (10.0, 20.0, 30.0)]
     grounds = [described({"terrain": {"hurst": h}}) for h in (0.5, 0.6, 0.7)]
     single, lights, terrains = (estimate.estimate(pairs_of(*s)) for s in ([one], others, grounds))
     assert (lights.scenes, lights.geometries, lights.lights, lights.surfaces) == (1, 1, 3, 1)
     assert (terrains.scenes, terrains.geometries, terrains.lights, terrains.surfaces) == (3, 3, 1, 1)
+    # A worker's job ends with two pairs, so the second job builds the ground again.
     triangles = 2.0 * 128**2
-    assert terrains.seconds - lights.seconds == pytest.approx(2 * estimate.scene_seconds(one, triangles))
-    assert lights.seconds - single.seconds == pytest.approx(2 * estimate.work_of(one).seconds(triangles))
+    a_pair = estimate.work_of(one).seconds(triangles)
+    a_job = [cut_into_jobs(ordered(pairs_of(*s)), 1, 50) for s in (others, grounds)]
+    assert [len(jobs) for jobs in a_job] == [2, 3]
+    again = lights.seconds - single.seconds - 2 * a_pair  # another worker and its build
+    assert again > estimate.scene_seconds(one, triangles)
+    assert terrains.seconds - lights.seconds == pytest.approx(again)
+
+
+def test_a_start_counts_for_each_worker_that_the_jobs_need():
+    """Jobs are cut so that workers end together: a worker of two processors has four."""
+    headings = [pairs_of(described({"dataset": {"headings": n}})) for n in (1, 2, 64)]
+    each = estimate.work_of(described()).seconds(2.0 * 128**2)
+    one, two, many = (estimate.estimate(pairs).seconds for pairs in headings)
+    assert two - one == pytest.approx(each)  # the same worker
+    jobs = len(cut_into_jobs(ordered(headings[2]), 1, 50))
+    assert jobs > 1
+    # To start Blender takes more than a second of a processor.
+    starts = many - one - 63 * each - (jobs - 1) * estimate.scene_seconds(described(), 2.0 * 128**2)
+    assert starts / (jobs - 1) > 1.0
+
+
+def test_ground_from_a_file_takes_longer_to_build():
+    made_up, from_file = described(), described({"source": {"kind": "STAND_IN"}})
+    assert estimate.scene_seconds(from_file, 1e5) > estimate.scene_seconds(made_up, 1e5) + 1.0
 
 
 def test_the_triangles_are_those_of_the_ground():
-    assert estimate.count_triangles(described()) == 2 * 128**2
+    assert count_triangles(described()) == 2 * 128**2
     graded = described({"mesh": {"kind": "GRADED", "error_px": 4, "edge_px": 24}})
     from icymoon.physics.mesh.graded_ground import grade_ground as make
     from icymoon.physics.terrain.terrain import make_terrain
     faces = make(make_terrain(graded, 1), graded).mesh()[1]
     # Euler: of a disc, as many triangles as twice the vertices but for those on its rim.
-    assert estimate.count_triangles(graded) == pytest.approx(len(faces), rel=0.05)
+    assert count_triangles(graded) == pytest.approx(len(faces), rel=0.05)
 
 
 def test_before_anything_is_rendered_another_machine_is_allowed_for():
@@ -134,8 +167,10 @@ def test_bytes_are_in_proportion_to_what_is_written():
         return estimate.bytes_of(described({"rig": {"pitch_deg": 85.0}}, *changes))
 
     base = size()
-    doubled = size({"rig": {"width_px": 128, "height_px": 96}})
+    finer = {"terrain": {"resolution": 257}}  # as many pixels for a facet
+    doubled = size({"rig": {"width_px": 128, "height_px": 96}}, finer)
     assert 3.8 < doubled / base < 4.0  # neighbours are a little more alike
+    assert base < size(finer)  # normals of facets are the same on all their pixels
     assert size({"rig": {"overscan": 0.25}}) == pytest.approx(base * 1.5**2, rel=1e-3)
     depth, toed = size({"quality": {"truth": "DEPTH"}}), size({"rig": {"toe_in_deg": 1.0}})
     assert depth < 0.7 * base
@@ -165,12 +200,12 @@ def test_the_share_of_sky_is_that_of_a_level_ground(pitch_deg, share):
 
 def test_bytes_that_are_left_are_those_of_the_pairs_that_are_not_there(tmp_path):
     pairs = pairs_of(*(described({"light": {"sun_elevation_deg": float(e)}}) for e in range(1, 5)))
-    each = estimate.bytes_of(pairs[0].settings)
-    assert estimate.count_bytes_left(pairs, tmp_path) == pytest.approx(4 * each)
+    each, stated = estimate.bytes_of(pairs[0].settings), estimate.STATED_BYTES
+    assert estimate.count_bytes_left(pairs, tmp_path) == pytest.approx(4 * (each + stated))
     for pair in pairs[:3]:
         finish(tmp_path, pair, 1.0, size=each)  # twice what is expected, in two files
-    assert estimate.count_bytes_left(pairs, tmp_path) == pytest.approx(2 * each, rel=1e-3)
-    assert estimate.count_bytes_left(pairs, tmp_path, again=True) == pytest.approx(8 * each, rel=1e-3)
+    assert estimate.count_bytes_left(pairs, tmp_path) == pytest.approx(2 * each + stated, rel=1e-3)
+    assert estimate.count_bytes_left(pairs, tmp_path, again=True) == pytest.approx(8 * each + 4 * stated, rel=1e-3)
     assert estimate.estimate(pairs, tmp_path).left_bytes == estimate.count_bytes_left(pairs, tmp_path)
 
 
@@ -187,7 +222,8 @@ def test_what_is_there_is_learnt_from_and_taken_off(tmp_path):
     assert found.factor < 1.2 < blind.factor
     # Ten pairs of thirty are left: a third, but for the scene and the start, which are paid again.
     assert 0.3 < found.left_s / found.seconds < 0.7
-    assert found.left_bytes == pytest.approx(5 * 10 * estimate.bytes_of(pairs[0].settings), rel=1e-4)
+    assert found.left_bytes == pytest.approx(
+        10 * (5 * estimate.bytes_of(pairs[0].settings) + estimate.STATED_BYTES), rel=1e-4)
     assert "20 of them there already" in found.lines()[0]
     assert "corrected by 20" in "".join(found.lines())
 
@@ -241,3 +277,33 @@ def test_a_noise_threshold_saves_samples_beyond_the_least_that_cycles_takes():
     assert taken[-1] == 256
     few, all_of_them = (described({"quality": {"samples": 256, "noise_threshold": t}}) for t in (0.1, 0.0))
     assert estimate.work_of(few).seconds(0.0) < estimate.work_of(all_of_them).seconds(0.0) / 4
+
+
+def test_baked_light_is_counted_once_for_all_pairs_that_share_it():
+    baked = {"surface": {"model": "LAMBERT"}, "quality": {"indirect": "BAKED"}, "dataset": {"headings": 4}}
+
+    def expected(area, resolution):
+        made = described(baked, {"quality": {"bake_area": area}}, {"terrain": {"resolution": resolution}})
+        return estimate.estimate(pairs_of(made))
+
+    several, more, each, finer = (expected(area, n) for area in ("GROUND", "VIEW") for n in (129, 257))
+    # The file has light for each vertex, of the whole ground or of what each of four headings sees.
+    of_a_vertex = (more.left_bytes - several.left_bytes) / (257**2 - 129**2)
+    assert of_a_vertex == pytest.approx(light_bytes(described(baked)) / 129**2, rel=0.05)
+    assert 4 * 0.1 < (finer.left_bytes - each.left_bytes) / (more.left_bytes - several.left_bytes) < 4 * 0.4
+    seen = described(baked, {"quality": {"bake_area": "VIEW"}})
+    assert each.seconds - several.seconds == pytest.approx(
+        4 * bake_seconds(seen) - bake_seconds(described(baked)), rel=0.05)
+
+
+def test_images_cost_less_where_lamberts_law_reads_some_of_them():
+    images, own = {"textures": {"set": "FROST"}}, {"textures": {"set": "MESH"}}
+    lambert = {"surface": {"model": "LAMBERT"}}
+
+    def relative(*changes):
+        return estimate.work_of(described(*changes)).relative
+
+    assert relative(images) - relative() > 3 * (relative(images, lambert) - relative(lambert)) > 0
+    assert relative(lambert) < relative(lambert, own) < relative(lambert, images)
+    assert bake_seconds(described(lambert, images)) > bake_seconds(described(lambert, own)) > (
+        bake_seconds(described(lambert)))

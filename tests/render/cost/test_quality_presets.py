@@ -9,8 +9,10 @@ import pytest
 from icymoon.render.cost.abilities import Abilities
 from icymoon.render.cost.estimate import spread_before, work_of
 from icymoon.render.cost.quality_presets import QualityPreset, list_qualities, pair_seconds
+from icymoon.render.cost.speed import wall_seconds
 from icymoon.settings.description import defaults, merged
-from icymoon.settings.preset_files import load_preset, preset_header, preset_names
+from icymoon.settings.preset_files import load_preset, preset_header, preset_names, preset_path
+from icymoon.settings.toml_text import read_toml
 from stand_ins import stand_in
 
 ERRORS = {"sgbm_px": 0.0314, "radiance_rms": 0.4567}
@@ -31,13 +33,13 @@ def test_an_error_is_in_pixels_and_per_cent_or_not_there():
 
 @pytest.mark.parametrize("device", ["CPU", "GPU"])
 def test_the_seconds_are_off_by_two_deviations_at_most(device, monkeypatch):
-    monkeypatch.setattr("icymoon.render.cost.quality_presets.count_processors", lambda: 4)
+    monkeypatch.setattr("icymoon.render.cost.speed.count_processors", lambda: 4)
     settings = merged(defaults(), {"quality": {"device": device}})
     seconds, factor = pair_seconds(settings, 1e6, None)
-    assert seconds == pytest.approx(work_of(settings).seconds(1e6) / 4)
+    assert seconds == pytest.approx(wall_seconds(work_of(settings).seconds(1e6), None))
     assert math.log(factor) == pytest.approx(2 * spread_before(None, device == "GPU"))
-    twice_as_slow = stand_in(factor=2.0)
-    assert pair_seconds(settings, 1e6, twice_as_slow)[0] == pytest.approx(2 * seconds)
+    twice_as_slow = stand_in(factor=2.0, busy=1.0)
+    assert pair_seconds(settings, 1e6, twice_as_slow)[0] == pytest.approx(2 * work_of(settings).seconds(1e6) / 4)
 
 
 def test_all_presets_are_listed_cheapest_first_and_the_scene_s_own_last():
@@ -76,3 +78,47 @@ def test_what_a_blender_lacks_is_shown_with_each_quality_that_asks_for_it():
         asks = merged(denoised, load_preset(quality.name)).quality.denoiser != "NONE"
         assert bool(quality.lacks) == asks
     assert not any(quality.lacks for quality in list_qualities(denoised, 1e6, None))
+
+
+LAMBERT: dict[str, dict[str, Any]] = {
+    "surface": {"model": "LAMBERT"}, "mesh": {"kind": "GRID"}, "terrain": {"resolution": 257},
+    "light": {"planet": False}}
+
+
+@pytest.mark.parametrize("name", ["few_headings", "many_headings", "training"])
+def test_a_recipe_bakes_so_many_samples_that_their_noise_is_no_texture(name):
+    """Bakes of 16 samples are easier to match than a converged render (docs/howto/speed.md); 64 are the fewest that are
+    not. A denoiser makes noise alike in both eyes."""
+    quality = load_preset(f"qualities/{name}").quality
+    assert (quality.indirect, quality.denoiser) == ("AUTO", "NONE")
+    assert quality.bake_samples >= 64
+    assert quality.bake_noise == 0  # else fewer samples are taken where most light is direct
+    assert (quality.bake_area == "GROUND") == (name == "many_headings")
+
+
+def test_what_a_pair_bakes_for_itself_is_part_of_its_seconds_and_what_all_share_is_not():
+    def seconds(name: str, *changes: dict[str, Any]) -> float:
+        made = merged(defaults(), LAMBERT, load_preset(f"qualities/{name}"), {"dataset": {"headings": 36}}, *changes)
+        return pair_seconds(made, 1e5, None)[0]
+
+    longer = {"quality": {"bake_samples": 1024}}
+    baked = {"quality": {"indirect": "BAKED"}}
+    assert seconds("few_headings", longer, baked) > 3 * seconds("few_headings", baked)
+    assert seconds("many_headings", longer, baked) == pytest.approx(seconds("many_headings", baked))
+    # Ground that cannot be baked is traced, with many samples.
+    traced: dict[str, Any] = {"surface": {"model": "PRINCIPLED"}}
+    assert seconds("many_headings", traced) > 3 * seconds("many_headings")
+
+
+@pytest.mark.parametrize("name", preset_names("qualities"))
+def test_each_quality_states_its_cost_and_its_distance_from_a_converged_render(name):
+    measured = read_toml(preset_path(name))["measured"]
+    assert measured["command"] == "python benchmarks/qualities.py --scale 0.25 --reference-samples 1024 --write"
+    assert measured["cpu_s"] > 0
+    assert (measured["bake_cpu_s"] > 0) == (load_preset(name).quality.indirect == "AUTO")
+    suns = [found for key, found in measured.items() if key.startswith("sun_")]
+    assert len(suns) == 2
+    for found in suns:
+        assert found.keys() == {f"{matcher}_{key}" for matcher in ("bm", "sgbm", "jplv")
+                                for key in ("bad_1", "coverage")}
+        assert all(abs(value) < 1 for value in found.values())

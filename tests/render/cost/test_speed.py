@@ -13,6 +13,7 @@ from icymoon.render.cost import estimate, measure_speed
 from icymoon.render.cost import speed as machine
 from icymoon.render.cost.quality_presets import list_qualities, pair_seconds
 from icymoon.render.plans.planned_pair import expand_headings
+from icymoon.render.plans.triangles import count_triangles
 from icymoon.settings import description
 
 
@@ -22,8 +23,8 @@ def cache(tmp_path, monkeypatch):
     return tmp_path / "cache"
 
 
-def speed(factor=2.0, device="CPU", blender="5.0.1", processors=None, measured="2030-01-01T00:00+00:00"):
-    return machine.Speed(factor, device, blender, processors or system.count_processors(), measured)
+def speed(factor=2.0, device="CPU", blender="5.0.1", processors=None, measured="2030-01-01T00:00+00:00", busy=0.8):
+    return machine.Speed(factor, device, blender, processors or system.count_processors(), measured, busy)
 
 
 def test_nothing_is_remembered_before_it_is_measured():
@@ -47,6 +48,15 @@ def test_another_number_of_processors_is_another_machine():
     assert machine.recall_speed("CPU") is None
 
 
+def test_what_was_kept_without_the_processors_at_work_is_measured_again(cache):
+    machine.remember_speed(speed())
+    file = cache / "speed.json"
+    kept = {key: {name: value for name, value in entry.items() if name != "busy"}
+            for key, entry in json.loads(file.read_text()).items()}
+    file.write_text(json.dumps(kept))
+    assert machine.recall_speed("CPU") is None
+
+
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"a": 1}', '{"a": {"factor": 1}}'])
 def test_a_broken_file_is_as_good_as_none(cache, text):
     cache.mkdir()
@@ -56,31 +66,45 @@ def test_a_broken_file_is_as_good_as_none(cache, text):
     assert machine.recall_speed("CPU") == speed()
 
 
-def rendered(folder, seconds, cpu_s=1e3):
+def rendered(folder, seconds, cpu_s):
     pairs = []
-    for k, each in enumerate(seconds):
+    for k, (each, spent) in enumerate(zip(seconds, cpu_s, strict=True)):
         pairs.append(folder / str(k))
         pairs[-1].mkdir()
         (pairs[-1] / "pair.json").write_text(json.dumps(
             {"seconds": {"render": each - 0.25, "write": 0.25, "build": 9.0},
-             "cpu_seconds": {"before": 9.0, "pair": cpu_s}, "versions": {"blender": "5.0.1"}}))
+             "cpu_seconds": {"before": 9.0, "pair": spent}, "versions": {"blender": "5.0.1"}}))
     return pairs
 
 
-def test_the_fastest_pair_but_the_first_counts(tmp_path):
-    found = measure_speed.read_speed(rendered(tmp_path, (30.0, 4.0, 3.0)), "CPU")
+def expected_of_the_probe():
     settings = measure_speed.small_render("CPU")
-    expected = estimate.work_of(settings).seconds(estimate.count_triangles(settings))
-    assert found.factor == pytest.approx(system.count_processors() * 3.0 / expected)
+    return estimate.work_of(settings).seconds(count_triangles(settings))
+
+
+def test_the_fastest_pair_but_the_first_counts(tmp_path, monkeypatch):
+    monkeypatch.setattr(measure_speed, "count_processors", lambda: 4)
+    found = measure_speed.read_speed(rendered(tmp_path, (1.0, 4.0, 3.0), (1.0, 11.0, 9.0)), "CPU")
+    assert found.factor == pytest.approx(9.0 / expected_of_the_probe())
+    assert found.busy == pytest.approx(9.0 / (4 * 3.0))  # of four processors
     assert found.blender == "5.0.1"
 
 
-def test_other_work_makes_a_machine_no_slower_than_half_used(tmp_path):
-    busy = measure_speed.read_speed(rendered(tmp_path, (900.0, 800.0), cpu_s=3.0), "CPU")
-    settings = measure_speed.small_render("CPU")
-    assert busy.factor == pytest.approx(6.0 / estimate.work_of(settings).seconds(estimate.count_triangles(settings)))
+def test_other_work_changes_the_clock_and_not_the_processor_seconds(tmp_path):
+    slowed = measure_speed.read_speed(rendered(tmp_path, (900.0, 800.0), (3.0, 3.0)), "CPU")
+    assert slowed.factor == pytest.approx(3.0 / expected_of_the_probe())
+    assert slowed.busy == 0.5
     card = measure_speed.read_speed([tmp_path / "0", tmp_path / "1"], "GPU")
-    assert card.factor > 100 * busy.factor
+    # A card's own work is no processor's, so the clock counts.
+    assert card.factor == pytest.approx(system.count_processors() * 800.0 / expected_of_the_probe())
+    assert card.busy == 1.0
+
+
+@pytest.mark.parametrize("busy", [0.5, 1.0])
+def test_a_processor_that_idles_makes_the_clock_go_on(busy, monkeypatch):
+    monkeypatch.setattr(machine, "count_processors", lambda: 4)
+    assert machine.wall_seconds(12.0, speed(busy=busy)) == pytest.approx(3.0 / busy)
+    assert 3.0 < machine.wall_seconds(12.0, None) < 6.0
 
 
 def test_a_probe_that_says_nothing_is_an_error(tmp_path):
@@ -90,7 +114,7 @@ def test_a_probe_that_says_nothing_is_an_error(tmp_path):
 
 def test_the_probe_is_small_and_has_all_that_a_pair_has():
     settings = measure_speed.small_render("GPU")
-    assert 1.0 < estimate.work_of(settings).seconds(estimate.count_triangles(settings)) < 6.0
+    assert 1.0 < estimate.work_of(settings).seconds(count_triangles(settings)) < 6.0
     assert (settings.quality.device, settings.quality.denoiser) == ("GPU", "OIDN")
     assert settings.dataset.headings > 1
 
@@ -101,6 +125,8 @@ def test_plans_take_as_much_longer_as_the_machine_is_slower():
     assert known.seconds == pytest.approx(3.0 * blind.seconds)
     assert known.factor < blind.factor
     assert "Blender 5.0.1" in "".join(known.lines())
+    assert known.left_wall_s == pytest.approx(known.left_s / system.count_processors() / 0.8)
+    assert estimate.duration_text(known.left_s) + " of a processor" in known.lines()[2]
 
 
 def test_the_dry_run_of_a_plan_uses_what_was_measured(capsys):
@@ -126,8 +152,8 @@ def test_a_better_quality_costs_more_and_errs_less():
 def test_the_seconds_are_of_all_processors_and_of_this_machine():
     settings = description.defaults()
     work = estimate.work_of(settings).seconds(1e6)
-    assert pair_seconds(settings, 1e6, speed(2.0))[0] == pytest.approx(2.0 * work / system.count_processors())
-    assert pair_seconds(settings, 1e6, None)[0] == pytest.approx(work / system.count_processors())
+    assert pair_seconds(settings, 1e6, speed(2.0))[0] == pytest.approx(2.0 * work / system.count_processors() / 0.8)
+    assert pair_seconds(settings, 1e6, None)[0] == pytest.approx(machine.wall_seconds(work, None))
     assert pair_seconds(settings, 1e6, speed(2.0))[1] < pair_seconds(settings, 1e6, None)[1]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.physics.scene_requirements import is_baked, why_not_baked
-from icymoon.render.plans.indirect import bake_seconds, break_even, choose_indirect
+from icymoon.render.plans.indirect import bake_seconds, break_even, choose_indirect, settle_indirect
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.typed_settings import Settings
@@ -88,3 +88,30 @@ def test_what_cannot_be_baked_is_traced_and_told(part):
     assert why_not_baked(settings)
     assert not is_baked(settings)
     assert set(headings(described(part), 90)) == {"TRACED"}
+
+
+def test_a_mesh_is_baked_in_proportion_to_its_triangles_whatever_the_grid_of_made_up_ground():
+    def seconds(key: str, resolution: int = 258) -> float:
+        return bake_seconds(described({"source": {"kind": "STAND_IN", "stand_in": key},
+                                       "terrain": {"resolution": resolution}}))
+
+    start = bake_seconds(described({"quality": {"bake_samples": 4}})) - seconds_of_corners(4 * 258 ** 2, 4)
+    few, many = seconds("ATHABASCA"), seconds("GLACIER_42M")  # 30000 and 60000 triangles
+    assert many - start == pytest.approx(2 * (few - start))
+    assert few - start == pytest.approx(seconds_of_corners(3 * 30000, 256))
+    assert seconds("ATHABASCA", 1025) == few
+
+
+def seconds_of_corners(corners: float, samples: int) -> float:
+    """Of the time that more samples of a grid take."""
+    most, least = (bake_seconds(described({"quality": {"bake_samples": n}})) for n in (1000, 500))
+    return (most - least) / 500 / (4 * 258 ** 2) * corners * samples
+
+
+def test_automatic_light_is_settled_by_the_images_that_share_it():
+    shared, own = described(), described({"quality": {"bake_area": "VIEW"}})
+    enough = break_even(shared)
+    assert [settle_indirect(shared, n).quality.indirect for n in (enough - 1, enough)] == ["TRACED", "BAKED"]
+    # Light that is baked where it is seen is not shared, however many images there are.
+    assert settle_indirect(own, 100) == choose_indirect([own])[0]
+    assert settle_indirect(described({"quality": {"indirect": "TRACED"}}), 100).quality.indirect == "TRACED"

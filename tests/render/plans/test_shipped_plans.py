@@ -63,6 +63,8 @@ def test_each_type_has_the_papers_factors_and_number_of_pairs(mine, name, form):
         assert len(set(counts.values())) == 1, setting
     assert values(pairs, "rig.pitch_deg") == {45.84: count}
     assert values(pairs, "rig.width_px") == {640: count}
+    # Hours, not days: docs/datasets.md.
+    assert values(pairs, "quality.indirect") == {"BAKED": count}
     if name in ("reconstructions", "rocks"):
         assert len({(p.settings["light"]["sun_elevation_deg"], p.settings["light"]["sun_azimuth_deg"])
                     for p in pairs}) == 5
@@ -143,6 +145,15 @@ def test_textures_are_those_of_the_public_code_as_wide_as_stated(mine, name, num
     assert {(p.settings.textures.stand_in, p.settings.textures.width_m) for p in pairs} == {
         (item.key, item.width_m) for item in TEXTURES if item.number in numbers}
     assert values(pairs, "textures.set") == {"STAND_IN": len(pairs)}
+
+
+def test_the_glossy_plan_has_the_materials_and_the_sampling_of_the_public_code(mine):
+    pairs = mine("guiss_all_glossy", "grounds = 1\nat_most = 8").pairs()
+    assert len(pairs) == 56
+    assert values(pairs, "surface.model") == {"PRINCIPLED": 56}
+    assert values(pairs, "quality.indirect") == {"TRACED": 56}
+    assert values(pairs, "quality.denoiser") == {"OIDN": 56}
+    assert values(pairs, "quality.samples") == {16: 56}
 
 
 def test_the_plan_of_albedos_fixes_the_exposure():
