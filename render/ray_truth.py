@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +35,21 @@ def trace_truth(stage: Stage, stem: Path, camera: StereoCamera, poses: Mapping[s
         with explain_disk_errors("write", files[eye]):
             files[eye].write_bytes(encode_truth(truth, wanted, rounded))
     return files
+
+
+@contextmanager
+def trace_beside(stage: Stage | None, wanted_files: Mapping[int, tuple[Path, bool]], camera: StereoCamera,
+                 poses: Mapping[str, np.ndarray], clip_m: tuple[float, float], wanted: str,
+                 rounded: Collection[str]) -> Iterator[dict[int, Future[dict[str, Path]]]]:
+    """Trace truths in a thread while something else is done. ``wanted_files`` are of each the stem of its files and
+    whether its eyes are turned in; for the rest see ``trace_truth``. Without a ``stage`` there are none.
+
+    Cycles lets other threads run while it renders, and its own are not all busy all the time.
+    """
+    with ThreadPoolExecutor(1) as beside:
+        yield {} if stage is None else {
+            number: beside.submit(trace_truth, stage, stem, camera, poses, clip_m, toed, wanted, rounded)
+            for number, (stem, toed) in wanted_files.items()}
 
 
 #: Passes by ``quality.truth``; all of them if it is none of these.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shutil
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,7 +50,7 @@ from .pairs.workspace_cells import WORKSPACE_FILE, workspace_extent
 from .plans.planned_pair import PlannedPair
 from .progress import watch_samples
 from .ray_stage import CannotTrace, RaysOfScene
-from .ray_truth import trace_truth
+from .ray_truth import trace_beside
 from .render_camera import add_render_camera, set_up_camera, shift_frame
 from .workers.claims import CLAIMS_FOLDER
 
@@ -219,11 +218,9 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
         truths = 0 if stage else (sum(layer == TRUTH for take in takes for layer, _ in take.images)
                                   + (len(hidden_pixels.STEPS_PX) if _is_full(planned) else 0))
         with (watch_samples(len(lights) * int(quality.samples), truths, report) as sampling,
-              ThreadPoolExecutor(1) as beside):
-            # Cycles lets other threads run; of its own, not all are busy all the time.
-            traced = {k: beside.submit(trace_truth, stage, part / f"{TRUTH}{k}", camera, poses, clip_m, take.toed,
-                                       settings.quality.truth, rounded)
-                      for k, take in enumerate(takes) if stage and TRUTH in dict(take.images)}
+              trace_beside(stage, {k: (part / f"{TRUTH}{k}", take.toed) for k, take in enumerate(takes)
+                                   if stage and TRUTH in dict(take.images)},
+                           camera, poses, clip_m, settings.quality.truth, rounded) as traced):
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
                     scene.render.use_motion_blur = take.blur is not None and take.blur.exposure_s is not None

@@ -1108,7 +1108,7 @@ QUALITY = Topic("quality", "Quality and Speed", "Noise, bias and speed of a rend
                      ("VIEW", "Seen Ground", "What the cameras see. Takes a part of the time, but only images from one "
                       "place in one direction share it, so for few images"))),
     Setting("bake_samples", "Bake Samples", 256,
-            "Maximum number of light paths per corner of the ground's mesh for baked light. Fewer are taken where "
+            "Maximum number of light paths per corner of the ground's mesh for baked light, unless "
             "quality.bake_noise is reached before. With less than 64, matchers look better than they are",
             "sampling", "samples", 4, 65536, (64, 1024)),
     Setting("bake_noise", "Bake Noise", 0.01,

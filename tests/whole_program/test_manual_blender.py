@@ -63,8 +63,9 @@ def test_the_page_of_operators_has_what_is_registered(registered):
 
 
 def test_the_page_of_the_pair_folder_has_what_a_pair_holds(registered, tmp_path: Path):
-    pair, _ = render(tmp_path, {"quality": {"samples": 1, "denoiser": "OIDN", "truth_by": "CYCLES"},
-                                "rig": {"width_px": 32, "height_px": 24},
+    pair, _ = render(tmp_path, {"quality": {"samples": 1, "truth_by": "CYCLES", "files": "FULL", "indirect": "BAKED",
+                                            "bake_samples": 4, "bake_noise": 0.0},
+                                "surface": {"model": "LAMBERT"}, "rig": {"width_px": 32, "height_px": 24},
                                 "light": {"planet": True, "planet_elevation_deg": 40.0}})
     written = set(re.findall(r"`(\w+)`", PAGE.split("## pair.json")[1].split("## Reading a pair in Python")[0]))
     assert set(pair.data) - written == set()

@@ -296,7 +296,7 @@ def test_the_rough_estimate_is_near_the_one_that_counts_triangles():
     some, grounds = sample_settings(described, variations, 8)
     seconds, size = estimate_roughly(some, len(pairs), grounds, None)
     exact = estimate(pairs)
-    assert seconds == pytest.approx(exact.left_s / exact.processors, rel=0.3)
+    assert seconds == pytest.approx(exact.left_wall_s, rel=0.3)
     assert size == pytest.approx(exact.left_bytes, rel=0.05)
 
 
