@@ -218,7 +218,7 @@ def read(path: Path, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: st
         stream = system.retry(lambda: system.open_regular(path))
     except (OSError, ValueError) as error:
         if isinstance(error, OSError) and error.errno == errno.EINVAL:  # a pipe, whose content may be right
-            fix = "put a regular file in its place"
+            fix = f"put a regular file in its place, or {fix}"
         raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {fix}.") from None
     with stream:
         size = stream.seek(0, io.SEEK_END)

@@ -109,7 +109,8 @@ def test_no_two_rows_of_a_panel_have_the_same_words(scene, model, positions):
     for name in dir(bpy.types):
         if name.startswith("ICYMOON_PT_") and name != "ICYMOON_PT_results":
             rows = [entry[2]["text"] for entry in drawn(getattr(bpy.types, name)) if entry[0] == "label"]
-            words = [text for text in rows if text and len(text) < LINE / 2]
+            # What two qualities take may be the same; their names stand beside it.
+            words = [text for text in rows if text and len(text) < LINE / 2 and not text[0].isdigit()]
             assert len(set(words)) == len(words), name
 
 

@@ -44,7 +44,7 @@ def test_03_a_sky_at_1e10_is_no_truth(tmp_path, capsys):
     assert status == 0
     for row in rows_of(report).values():
         assert 0.05 < row["l1_m"] < 0.1
-    assert "pixels of the one depth 1e+10 m" in shown
+    assert "pixels have the depth 1e+10 m to the bit" in shown
 
 
 def test_07_a_distance_along_the_ray_is_found_and_read(tmp_path, capsys):
