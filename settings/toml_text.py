@@ -22,7 +22,10 @@ def toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
     except OSError as error:
         raise IcyMoonError(f"{path}: cannot be read ({error.strerror}).") from None
     except ValueError as error:  # no TOML, or no UTF-8
-        raise IcyMoonError(f"{path}: is not valid TOML ({error}).") from None
+        # In double quotes a backslash begins an escape, also in paths of Windows.
+        escape = "Unescaped" in str(error) or "hex value" in str(error)
+        hint = "; write paths with / or in single quotes" if escape else ""
+        raise IcyMoonError(f"{path}: is not valid TOML ({error}){hint}.") from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:

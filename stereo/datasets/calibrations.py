@@ -6,6 +6,7 @@ Their principal points count pixels from the centre of the first one, half a pix
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 from ...errors import IcyMoonError
@@ -23,6 +24,8 @@ _OURS = {"camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIV
          "saturation_radiance": Maybe(NUMBER, null=True)}
 #: First number of Sintel's files of cameras.
 _SINTEL_MARK = 202021.25
+#: How far focal lengths of rectified images may be apart, relative: digits that were left out.
+_SAME_FOCAL = 1e-3
 _AGAIN = "download its camera data again"
 
 
@@ -42,6 +45,8 @@ def kitti_camera(path: Path, names: tuple[str, str], width: int, height: int) ->
     left, right = (numbers_of(path, fields, name, 12) for name in names)
     baseline = (left[3] - right[3]) / left[0] if left[0] else 0.0
     _check(path, left[0], baseline)
+    _check_square(path, left[0], {f"{name} in y" if k == 5 else f"{name} in x": matrix[k]
+                                  for name, matrix in zip(names, (left, right), strict=True) for k in (0, 5)})
     return StereoCamera(width, height, left[0], left[2] + _CENTRE, left[6] + _CENTRE, baseline,
                         doffs_px=right[2] - left[2])
 
@@ -52,11 +57,21 @@ def middlebury_camera(path: Path, width: int, height: int) -> StereoCamera:
     matrix = numbers_of(path, fields, "cam0", 9)
     baseline = numbers_of(path, fields, "baseline", 1)[0] / 1000
     _check(path, matrix[0], baseline)
+    right = numbers_of(path, fields, "cam1", 9) if "cam1" in fields else matrix
+    _check_square(path, matrix[0], {"cam0 in y": matrix[4], "cam1 in x": right[0], "cam1 in y": right[4]})
     doffs = _principal_offset(path, fields, matrix[2])
     stated = [_whole(path, fields, key) if key in fields else size
               for key, size in (("width", width), ("height", height))]
     return StereoCamera(stated[0], stated[1], matrix[0], matrix[2] + _CENTRE, matrix[5] + _CENTRE, baseline,
                         doffs_px=doffs)
+
+
+def _check_square(path: Path, focal_px: float, others: Mapping[str, float]) -> None:
+    """Raise IcyMoonError if another focal length differs from that of the left eye in x."""
+    for name, value in others.items():
+        if abs(value - focal_px) > _SAME_FOCAL * focal_px:
+            raise IcyMoonError(f"{path} states the focal length {value:g} px of {name}, and {focal_px:g} px of the "
+                               "left eye in x; rectify the images to square pixels and one focal length.")
 
 
 def _principal_offset(path: Path, fields: dict[str, str], left_px: float) -> float:

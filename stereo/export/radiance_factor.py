@@ -65,16 +65,24 @@ def photometry_of(pair: Loaded, eye: str) -> Photometry:
     back = -(rays / np.linalg.norm(rays, axis=-1, keepdims=True)) @ pose[:3, :3].T
     known = np.isfinite(depth)
 
-    def angle(cosine: np.ndarray) -> np.ndarray:
-        return np.where(known, np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))), np.nan)
+    def where_known(angle: np.ndarray) -> np.ndarray:
+        return np.where(known, angle, np.nan)
 
     none = np.full(depth.shape, np.nan)
-    normal = view.normal
+    normal, toward = view.normal, np.asarray(sun.direction)
     radiance = np.asarray(scaled_radiance(view, pair.pair, pair.settings.light), np.float64)
     return Photometry(
         irradiance, np.where(known[..., None], math.pi * radiance / by_band, np.nan),
-        none if normal is None else angle(normal @ sun.direction),
-        none if normal is None else angle((normal * back).sum(axis=-1)), angle(back @ sun.direction))
+        none if normal is None else where_known(angle_deg(normal, toward)),
+        none if normal is None else where_known(angle_deg(normal, back)), where_known(angle_deg(back, toward)))
+
+
+def angle_deg(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Degrees between vectors (..., 3) of any length: compact files round normals, whose cosines near 1 tell no angle.
+    """
+    first = one.astype(np.float64)
+    return np.asarray(np.degrees(np.arctan2(np.linalg.norm(np.cross(first, other), axis=-1),
+                                            (first * other).sum(axis=-1))))
 
 
 def write_fits(pair: Loaded, out: Path) -> None:

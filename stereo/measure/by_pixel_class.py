@@ -116,7 +116,9 @@ def classify(truth: np.ndarray, visible: np.ndarray, gradient: np.ndarray, grey:
              SLOPE.key: nowhere, SHADOW.key: nowhere, MATERIAL.key: nowhere,
              DEPOSITS.key: nowhere if blocked is None else (blocked >= _LEAST_BLOCKED).astype(np.int8)}
     if normal is not None:
-        found[SLOPE.key] = SLOPE.of(np.degrees(np.arccos(np.clip(normal[..., 2].astype(np.float64), -1, 1))))
+        # Of normals that compact files have rounded, whose third component tells no small angle.
+        across = np.hypot(*np.moveaxis(normal[..., :2].astype(np.float64), -1, 0))
+        found[SLOPE.key] = SLOPE.of(np.degrees(np.arctan2(across, normal[..., 2])))
     if semantic is not None:
         found[MATERIAL.key] = np.select([semantic == k for k in (TERRAIN, ROCK, LANDER)],
                                         [np.int8(0), np.int8(1), np.int8(2)], np.int8(-1))

@@ -41,6 +41,14 @@ def test_a_number_that_nothing_holds_is_refused_by_name(key, value):
         settings.override(f"terrain.{key}={value}")
 
 
+@pytest.mark.parametrize("path", [r"C:\Users\me\dem.tif", r"D:\maps\dem.tif"])
+def test_a_path_of_windows_in_double_quotes_is_told_how_to_be_written(tmp_path, path):
+    file = tmp_path / "scene.toml"
+    file.write_text(f'[source]\nfile = "{path}"\n', encoding="utf-8")
+    with pytest.raises(IcyMoonError, match=r"; write paths with / or in single quotes\.$"):
+        preset_files.load(file)
+
+
 @pytest.mark.parametrize("text", ["terrain.size_m = 1" + "0" * 5000, "a = " + "[" * 10_000], ids=["digits", "depth"])
 def test_a_file_that_no_parser_takes_is_refused_by_name(tmp_path, text):
     file = tmp_path / "scene.toml"

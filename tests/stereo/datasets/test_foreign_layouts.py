@@ -69,6 +69,19 @@ def test_middlebury_3_and_eth3d(tmp_path):
     assert prepared.occlusion_known
 
 
+@pytest.mark.parametrize(("old", "new", "words"), [
+    ("cam0=[100 0 47.5; 0 100", "cam0=[100 0 47.5; 0 90", "90 px of cam0 in y, and 100 px of the left eye in x"),
+    ("cam1=[100", "cam1=[120", "120 px of cam1 in x")])
+def test_middlebury_with_pixels_that_are_no_squares_or_two_focal_lengths_is_refused(tmp_path, old, new, words):
+    root = foreign.middlebury(tmp_path, doffs=12)
+    path = root / "Adirondack" / "calib.txt"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    with pytest.raises(IcyMoonError, match=rf"calib\.txt states the focal length {words}.*; rectify the images"):
+        only(root)
+
+
 @pytest.mark.parametrize("without", ["doffs=12\n", "cam1=[100 0 59.5; 0 100 31.5; 0 0 1]\n"])
 def test_middlebury_states_the_principal_points_in_either_way(tmp_path, without):
     root = foreign.middlebury(tmp_path, doffs=12)

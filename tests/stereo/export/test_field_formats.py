@@ -19,6 +19,7 @@ from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export.cameras import quaternion, rays_of
 from icymoon.stereo.export.layouts import FORMATS, export
+from icymoon.stereo.export.radiance_factor import angle_deg
 
 RIG = pairs.camera(96, 72)
 SCENE = pairs.Scene(sky_rows=6)
@@ -212,6 +213,15 @@ def test_the_radiance_factor_is_that_of_its_formula(dataset, tmp_path):
     ray /= np.linalg.norm(ray)
     assert angles[row, column, 1] == pytest.approx(math.degrees(math.acos(-ray[2])), abs=1e-3)
     assert angles[row, column, 2] == pytest.approx(math.degrees(math.acos(-ray @ [0.6, 0.0, 0.8])), abs=1e-3)
+
+
+def test_small_angles_are_those_of_normals_of_any_length():
+    """As compact files round them, by up to 0.04 %: a cosine that is cut off at 1 has no angle below 1.6 degrees."""
+    stated = np.array([0.0, 0.05, 0.8, 30.0, 90.0, 179.9])
+    turn = np.radians(stated)
+    normal = np.stack([np.sin(turn), 0 * turn, np.cos(turn)], axis=-1)
+    for length in (0.9996, 1.0, 1.0004):
+        assert angle_deg(length * normal, np.array([0.0, 0.0, 1.0])) == pytest.approx(stated, abs=1e-9)
 
 
 def test_the_radiance_factor_is_that_of_the_band_under_a_lamp_of_another_colour(dataset, tmp_path):
