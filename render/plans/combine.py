@@ -8,6 +8,7 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from ...errors import IcyMoonError
 from ...formats.toml_lines import Place
@@ -175,6 +176,7 @@ def _combinations(design: Design) -> Iterator[_Combination]:
             drawn_from = base.with_part(seed[0]) if seed and design.draw_again else base
             factors = [[_with_file_paths(part, design) for part in sweeps.make_variations(sweep, drawn_from.settings)]
                        for sweep in design.sweeps if sweep.kind in sweeps.KINDS]
+            _check_overwritten(factors)
             if place is not None:
                 check_pair_count(len(each_seed) * math.prod(map(len, factors)), place)
         for chosen in itertools.product(*factors):
@@ -182,6 +184,22 @@ def _combinations(design: Design) -> Iterator[_Combination]:
             for part in (*seed, *chosen):
                 made = made.with_part(part)
             yield _with_own_files(made, there) if there else made
+
+
+def _check_overwritten(factors: list[list[Variation]]) -> None:
+    """Raise IcyMoonError if all that a sweep varies is set by every variation of a later one, which would drop it."""
+    for k, earlier in enumerate(factors):
+        stated = [_stated(part) for part in earlier]
+        varied = {key for each in stated for key in each if any(other.get(key, each) != each[key] for other in stated)}
+        for later in factors[k + 1:]:
+            if varied and all(varied <= _stated(part).keys() for part in later):
+                raise IcyMoonError(f"{later[0].place}: this sweep sets {', '.join(sorted(varied))} for every pair, so "
+                                   f"that of {earlier[0].place} would vary nothing; state all values in one of them.")
+
+
+def _stated(part: Variation) -> dict[str, Any]:
+    """The settings of a variation by their full names."""
+    return {f"{topic}.{key}": value for topic, values in part.settings.items() for key, value in values.items()}
 
 
 def _with_own_files(made: _Combination, there: dict[str, list[Path]]) -> _Combination:
