@@ -188,13 +188,16 @@ def _combinations(design: Design) -> Iterator[_Combination]:
 
 def _check_overwritten(factors: list[list[Variation]]) -> None:
     """Raise IcyMoonError if all that a sweep varies is set by every variation of a later one, which would drop it."""
-    for k, earlier in enumerate(factors):
-        stated = [_stated(part) for part in earlier]
-        varied = {key for each in stated for key in each if any(other.get(key, each) != each[key] for other in stated)}
-        for later in factors[k + 1:]:
-            if varied and all(varied <= _stated(part).keys() for part in later):
-                raise IcyMoonError(f"{later[0].place}: this sweep sets {', '.join(sorted(varied))} for every pair, so "
-                                   f"that of {earlier[0].place} would vary nothing; state all values in one of them.")
+    stated = [[_stated(part) for part in factor] for factor in factors]
+    for k, earlier in enumerate(stated):
+        # One variation is compared with the first one: there may be thousands.
+        varied = {key for each in earlier for key in each.keys() | earlier[0].keys()
+                  if each.get(key, each) != earlier[0].get(key, each)}
+        for factor, later in zip(factors[k + 1:], stated[k + 1:], strict=True):
+            if varied and all(varied <= part.keys() for part in later):
+                raise IcyMoonError(f"{factor[0].place}: this sweep sets {', '.join(sorted(varied))} for every pair, so "
+                                   f"that of {factors[k][0].place} would vary nothing; state all values in one of "
+                                   "them.")
 
 
 def _stated(part: Variation) -> dict[str, Any]:
