@@ -319,20 +319,21 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
     factor, spread = _corrected(ratios, speed, any(pair.settings.quality.device == "GPU" for pair in pairs))
     left = [pair for pair in pairs if pair.id not in there]
     lit = {light_key(pair.settings) for pair in pairs if pair.id in there and is_baked(pair.settings)}
-    left_s = factor * _processor_seconds(left, scenes, triangles, lit)
+    seconds = factor * _processor_seconds(pairs, scenes, triangles, expected, set())
+    left_s = factor * _processor_seconds(left, scenes, triangles, expected, lit) if there else seconds
     return Estimate(
         pairs=len(pairs), there=len(there), geometries=len({settings_key(changes.geometry, pair) for pair in pairs}),
         scenes=len({k[0] for k in keys}), surfaces=len({k[1] for k in keys}), lights=len({k[2] for k in keys}),
-        seconds=factor * _processor_seconds(pairs, scenes, triangles, set()),
-        left_s=left_s, left_wall_s=wall_seconds(left_s, speed),
+        seconds=seconds, left_s=left_s, left_wall_s=wall_seconds(left_s, speed),
         left_bytes=_count_bytes(pairs, left, dataset, there),
         factor=math.exp(2.0 * spread), measured=len(ratios), processors=count_processors(),
         basis=speed.basis if speed else "another machine's times")
 
 
 def _processor_seconds(pairs: Sequence[PlannedPair], scenes: Mapping[str, str], triangles: Mapping[str, float],
-                       lit: Set[str]) -> float:
-    """Processor seconds, on the machine of the coefficients, of ordered pairs of ``scenes`` of so many ``triangles``.
+                       expected: Mapping[str, float], lit: Set[str]) -> float:
+    """Processor seconds, on the machine of the coefficients, of ordered pairs of ``scenes`` of so many ``triangles``,
+    each ``expected`` to take so many in a scene that is there.
 
     Workers start for their jobs, each builds the scenes of its own, and baked light is made once, if it is not among
     that which is ``lit``.
@@ -344,7 +345,7 @@ def _processor_seconds(pairs: Sequence[PlannedPair], scenes: Mapping[str, str], 
         before = ""
         for pair in job:
             scene = scenes[pair.id]
-            seconds += work_of(pair.settings).seconds(triangles[scene])
+            seconds += expected[pair.id]
             if scene != before:
                 seconds += scene_seconds(pair.settings, triangles[scene])
             before = scene
