@@ -59,7 +59,7 @@ def add_baked(image: Sequence[Piece]) -> tuple[list[Piece], dict[str, float]]:
     whole = {band: np.sum([bands[band] for bands in light.values()], axis=0, dtype=np.float32) for band in "RGB"}
     lit, total = _add(image, {IMAGE_PASS: whole, **added})
     return lit, {group: sum(float(values.sum(dtype=np.float64)) for values in bands.values()) / total
-                   if total > 0 else 0.0 for group, bands in light.items()}
+                 if total > 0 else 0.0 for group, bands in light.items()}
 
 
 def noise_of_baked(image: Sequence[Piece]) -> float | None:
@@ -69,13 +69,13 @@ def noise_of_baked(image: Sequence[Piece]) -> float | None:
     None where no pixel has any. Raises as ``add_planet`` does.
     """
     parts = [Pixels(piece) for piece in image]
-    decoded = [part.decode() for part in parts]
 
     def total(wanted: Collection[str]) -> np.ndarray:
         """The sum of the channels of some passes but for alpha, (height, width)."""
-        return np.sum([values[:, k] for part, values in zip(parts, decoded, strict=True)
-                       for k, name in enumerate(part.channels)
-                       if ".".join(name.split(".")[:2]) in wanted and name[-1] != "A"], axis=0, dtype=np.float64)
+        found = [(part, [k for k, name in enumerate(part.channels)
+                         if ".".join(name.split(".")[:2]) in wanted and name[-1] != "A"]) for part in parts]
+        return np.sum([part.decode()[:, channels].sum(axis=1, dtype=np.float64)
+                       for part, channels in found if channels], axis=0)
 
     lit = total({f"{BEAUTY}.{name}" for name in BAKED_AOVS.values()}) > 0
     light = total({IMAGE_PASS})[lit].sum() / 3

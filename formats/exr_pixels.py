@@ -69,7 +69,7 @@ class Pixels:
 
     def _view_raw(self, stored: np.dtype) -> np.ndarray:
         """The chunks of a part without compression, each a line with its number and bytes."""
-        chunk = np.dtype([("line", "<i4"), ("bytes", "<i4"), ("values", stored)])
+        chunk = _raw_chunk(stored)
         if {len(each) for each in self._piece.chunks} != {chunk.itemsize}:
             raise ValueError("a line has another size")
         return np.frombuffer(b"".join(self._piece.chunks), chunk)
@@ -115,7 +115,7 @@ class Pixels:
     def _encode_chunks(self, values: np.ndarray, stored: np.dtype) -> list[bytes]:
         """Chunks of values whose lines are ``stored`` so."""
         if not self._compression:
-            lines = np.empty(self._height, [("line", "<i4"), ("bytes", "<i4"), ("values", stored)])
+            lines = np.empty(self._height, _raw_chunk(stored))
             lines["line"], lines["bytes"] = np.arange(self._top, self._top + self._height), stored.itemsize
             for k, name in enumerate(stored.names or ()):
                 lines["values"][name] = values[:, k]
@@ -150,6 +150,11 @@ def encode_part(name: str, channels: Mapping[str, np.ndarray], half: bool = Fals
     attributes = {key.encode(): encode_attribute(key, kind, value) for key, (kind, value) in stated.items()}
     values = np.stack([np.asarray(channels[each], np.float32) for each in components], axis=1)
     return Pixels(Piece(attributes, starts)).encode(values)
+
+
+def _raw_chunk(stored: np.dtype) -> np.dtype:
+    """A chunk without compression, of a line whose values are ``stored`` so."""
+    return np.dtype([("line", "<i4"), ("bytes", "<i4"), ("values", stored)])
 
 
 def _empty_chunks(top: int, height: int) -> list[bytes]:

@@ -219,7 +219,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
                                   + (len(hidden_pixels.STEPS_PX) if _is_full(planned) else 0))
         with (watch_samples(len(lights) * int(quality.samples), truths, report) as sampling,
               trace_beside(stage, {k: (part / f"{TRUTH}{k}", take.toed) for k, take in enumerate(takes)
-                                   if stage and TRUTH in dict(take.images)},
+                                   if TRUTH in dict(take.images)},
                            camera, poses, clip_m, settings.quality.truth, rounded) as traced):
             for k, take in enumerate(takes):
                 with set_up_camera(scene, built.camera, camera, take.blur, take.toed):
