@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import IcyMoonError
 from ..files import read_text
 from ..plugins.landforms import PREFIX, RELEASE
-from ..support.foreign_bytes import parse_toml
+from ..support.foreign_bytes import parse_toml, path_hint
 from .table import Value
 
 
@@ -22,10 +22,7 @@ def toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
     except OSError as error:
         raise IcyMoonError(f"{path}: cannot be read ({error.strerror}).") from None
     except ValueError as error:  # no TOML, or no UTF-8
-        # In double quotes a backslash begins an escape, also in paths of Windows.
-        escape = "Unescaped" in str(error) or "hex value" in str(error)
-        hint = "; write paths with / or in single quotes" if escape else ""
-        raise IcyMoonError(f"{path}: is not valid TOML ({error}){hint}.") from None
+        raise IcyMoonError(f"{path}: is not valid TOML ({error}){path_hint(error)}.") from None
 
 
 def read_toml(path: Path) -> dict[str, Any]:

@@ -362,6 +362,13 @@ def _parse_finite(text: str) -> float:
     return number
 
 
+def path_hint(error: ValueError) -> str:
+    """What may be wrong with a text that ``parse_toml`` refuses, as the end of a clause: in double quotes a backslash
+    begins an escape, also in paths of Windows."""
+    escape = "Unescaped" in str(error) or "hex value" in str(error)
+    return "; write paths with / or in single quotes" if escape else ""
+
+
 def parse_toml(text: str) -> dict[str, Any]:
     """The content of a TOML text. Raises tomllib.TOMLDecodeError, a ValueError with line and column, for another, and
     for one of more than ``MOST_TOML`` characters or with keys of more than ten parts."""

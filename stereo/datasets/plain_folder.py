@@ -33,7 +33,7 @@ from ...file_shapes import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_reco
 from ...files import list_put_there
 from ...render.pairs.pair_folder import StereoCamera
 from ...suggestions import nearest
-from ...support.foreign_bytes import parse_toml
+from ...support.foreign_bytes import parse_toml, path_hint
 from .data_files import MapFile, find_inside, read_text
 from .foreign_pair import ForeignPair, UnusablePair, find_pair, safe_name
 from .visibility import Mask
@@ -93,7 +93,7 @@ def parse_pairs_toml(path: Path) -> dict[str, Any]:
     try:
         data = parse_toml(read_text(path))
     except tomllib.TOMLDecodeError as error:
-        raise IcyMoonError(f"{path} is not TOML ({error}); {_FIX}.") from None
+        raise IcyMoonError(f"{path} is not TOML ({error}){path_hint(error)}; {_FIX}.") from None
     check_record(data, _SHAPE, path, _FIX)
     for table, keys in data.items():
         if table not in _SHAPE:
