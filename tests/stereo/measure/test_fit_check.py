@@ -48,6 +48,13 @@ FAULTS = {
     "disparity": (DISPARITY, "depth", 1), "depth": (DEPTH, "disparity", 1), "inverse": (1 / DEPTH, "depth", 1)}
 
 
+def factor_of(fault, kind: str) -> float:
+    """The factor of a fault, which is there and of this kind."""
+    assert fault is not None
+    assert fault.kind == kind
+    return fault.factor
+
+
 @pytest.mark.parametrize("name", FAULTS)
 def test_each_fault_is_named(places, name):
     values, kind, _ = FAULTS[name]
@@ -61,9 +68,7 @@ def test_each_fault_is_named(places, name):
 @pytest.mark.parametrize("kind", ["depth", "disparity"])
 def test_a_factor_is_measured(places, kind, factor):
     fault = find_fault((DEPTH if kind == "depth" else DISPARITY) * factor, kind, RIG, places)
-    assert fault is not None
-    assert fault.kind == "factor"
-    assert fault.factor == pytest.approx(factor, rel=0.02)
+    assert factor_of(fault, "factor") == pytest.approx(factor, rel=0.02)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.03, 0.1])
@@ -79,9 +84,7 @@ def test_a_sound_map_has_no_small_fault(scene, noise):
 @pytest.mark.parametrize("kind", ["depth", "disparity"])
 def test_a_scale_that_is_off_by_a_little_is_noticed(places, kind, factor):
     fault = find_misfit((DEPTH if kind == "depth" else DISPARITY) * factor, kind, RIG, places)
-    assert fault is not None
-    assert fault.kind == "scale"
-    assert fault.factor == pytest.approx(factor, rel=0.015)
+    assert factor_of(fault, "scale") == pytest.approx(factor, rel=0.015)
 
 
 @pytest.mark.parametrize("zoom", [0.6, 0.8, 1.25, 1.5])
@@ -89,9 +92,7 @@ def test_the_map_of_another_focal_length_is_noticed(places, zoom):
     """At the same place, so its depths in the middle are right."""
     rig = dataclasses.replace(RIG, focal_px=zoom * RIG.focal_px)
     fault = find_misfit(pairs.view(SCENE, rig, "left")[0], "depth", RIG, places)
-    assert fault is not None
-    assert fault.kind == "zoom"
-    assert fault.factor == pytest.approx(zoom, rel=0.06)
+    assert factor_of(fault, "zoom") == pytest.approx(zoom, rel=0.06)
 
 
 def test_exchanged_images_and_a_map_of_the_other_eye_are_named(places):
