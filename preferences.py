@@ -14,7 +14,8 @@ from .commands.doctor import Finding
 from .errors import IcyMoonError
 from .files import parse_path
 from .formats import asset_library
-from .settings import change_announcements, trust_boundary
+from .settings import change_announcements
+from .settings.topics import trust_boundary
 from .stereo.environment.packages import PACKAGES
 from .system import venv_python
 from .version import ROOT

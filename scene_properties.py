@@ -21,8 +21,9 @@ from .settings.change_announcements import COLOURS, announce, batch_changes, cou
 from .settings.description import canonical, check
 from .settings.landform_releases import refuse_missing, with_releases
 from .settings.mirrored_properties import make_mirror
-from .settings.table import EFFECTS, TOPICS, Setting, Value, all_settings
-from .typed_settings import Settings, typed
+from .settings.table import TOPICS, all_settings
+from .settings.topics.declaration import EFFECTS, Setting, Value
+from .settings.topics.scene import Settings, typed
 
 #: Settings that were read to be displayed, with the time, by the scene's ``session_uid``.
 _displayed: dict[int, tuple[float, int, Settings]] = {}

@@ -24,7 +24,7 @@ from guiss_cost import LAMBERT, ladder, snow
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.settings.description import check, merged
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 
 #: A full planet behind the camera that looks toward the Sun.
 PLANET: dict[str, Any] = {"planet_elevation_deg": 40.0, "planet_azimuth_deg": 180.0}

@@ -22,9 +22,9 @@ from icymoon.nodes.scene import build
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
+from icymoon.settings.topics.declaration import Parts
 from icymoon.stereo.images.develop import grey
 from icymoon.stereo.images.exr import read_view
-from icymoon.typed_settings import Parts
 
 SHEET = Path(__file__).resolve().parents[1] / "docs" / "images" / "terrains.png"
 WIDTH_PX, HEIGHT_PX, COLUMNS, LABEL_PX = 320, 200, 4, 18

@@ -28,7 +28,8 @@ from icymoon.render.cost import estimate
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
-from icymoon.typed_settings import Parts, Settings
+from icymoon.settings.topics.declaration import Parts
+from icymoon.settings.topics.scene import Settings
 
 SMALL: dict[str, Any] = {"rig": {"width_px": 160, "height_px": 120},
                          "quality": {"samples": 16, "noise_threshold": 0.0, "denoiser": "NONE"}}

@@ -22,7 +22,7 @@ from icymoon.physics.excavation.heap import cone_m
 from icymoon.physics.excavation.relax import Layers, relax
 from icymoon.physics.excavation.site import make_site
 from icymoon.settings import description, preset_files
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 
 TRENCHES, SEED = 200, 22
 BASE = "scenes/europa_rough_ice"

@@ -45,8 +45,10 @@ import numpy as np
 from icymoon.render.cost.variants import reference
 from icymoon.render.workers import job
 from icymoon.settings import description, preset_files
+from icymoon.settings.topics.declaration import Parts
+from icymoon.settings.topics.rendering import QualitySettings
+from icymoon.settings.topics.scene import Settings, typed
 from icymoon.stereo.trade.measure_variants import scaled_view
-from icymoon.typed_settings import Parts, QualitySettings, Settings, typed
 
 if TYPE_CHECKING:  # a process that renders pays for no evaluator
     from icymoon.stereo.matchers.methods import Method

@@ -23,7 +23,8 @@ from icymoon.physics.arm.parametric import arm_of
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
-from icymoon.typed_settings import Parts, Settings
+from icymoon.settings.topics.declaration import Parts
+from icymoon.settings.topics.scene import Settings
 
 POSES = 2000
 

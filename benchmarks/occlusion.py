@@ -35,8 +35,8 @@ from icymoon.render.pairs.pair_folder import EYES, Pair, find_pairs
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
+from icymoon.settings.topics.scene import typed
 from icymoon.stereo.images.exr import read_depth, read_truth
-from icymoon.typed_settings import typed
 from other_rays import cast_from_other_eye, tree_of_scene
 
 TOLERANCES_PX = (0.1, 0.25, 0.5)

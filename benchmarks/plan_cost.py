@@ -26,7 +26,7 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.plans.triangles import count_triangles
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 
 SMALL: dict[str, Any] = {"rig": {"width_px": 160, "height_px": 120}, "mesh": {"error_px": 4.0, "edge_px": 24.0},
                          "quality": {"samples": 8}}

@@ -29,10 +29,10 @@ from icymoon.render.cost.variants import reference
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.workers.job import Job, render_job
 from icymoon.settings import description, preset_files
+from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.matchers.methods import Method, parse_methods
 from icymoon.stereo.trade.losses import Reference, measure, read_reference
 from icymoon.stereo.trade.measure_variants import scaled_view
-from icymoon.typed_settings import Settings
 
 SCENE = "scenes/europa_rough_ice"
 #: What makes its light such that it can be baked.

@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings import description
-from icymoon.typed_settings import QualitySettings
+from icymoon.settings.topics.rendering import QualitySettings
 from icymoon.version import ROOT
 
 RESULT = ROOT / "docs" / "make" / "requires.json"

@@ -21,10 +21,10 @@ from typing import Any
 import cv2
 import numpy as np
 from icymoon.render.pairs.pair_folder import EYES, StereoCamera, find_pair_folders, read_pair, read_unchanged_pair
+from icymoon.settings.topics.camera import RigSettings
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.measure.prepare import eyes_of
 from icymoon.stereo.measure.self_check import Eye, self_check, visibility
-from icymoon.typed_settings import RigSettings
 
 #: Kinds of ground, and how many headings from each. All of the scenes and the gallery, and the paper's terrains.
 GROUNDS = {

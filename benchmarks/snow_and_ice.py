@@ -20,7 +20,7 @@ from icymoon.nodes.scene import build
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
-from icymoon.typed_settings import Parts
+from icymoon.settings.topics.declaration import Parts
 
 PLAIN: Parts = {"surface": {"albedo": 0.8, "albedo_variation": 0.1}, "light": {"planet": False}}
 _CLEAR: Parts = {"rocks": {"own_surface": True}, "rock_surface": {"transmission": 0.7}}

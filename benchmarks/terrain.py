@@ -24,7 +24,7 @@ from icymoon.physics.terrain.landforms import MAKERS
 from icymoon.physics.terrain.noise.bases_and_fractals import BASES
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import description, preset_files
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 from mathutils import Vector, noise
 
 SIZE, SIDE, OCTAVES, LOOPED = 20.0, 1000, 8, 200

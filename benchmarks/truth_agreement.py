@@ -23,9 +23,9 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from
 from icymoon.settings import description, preset_files
+from icymoon.settings.topics.scene import typed
 from icymoon.stereo.images.exr import read_truth
 from icymoon.stereo.trade.measure_variants import scaled_view
-from icymoon.typed_settings import typed
 
 COLUMNS = ("depth, median", "of 99.9 %", "disparity", "sky", "labels", "facets", "hidden")
 _PLANET = 4  # its semantic label; it has no facets of its own

@@ -33,8 +33,8 @@ def render(scene: str, way: int, options: argparse.Namespace) -> None:
     from icymoon.render.scene_source import ScenesFromSettings
     from icymoon.render.worker import render_from
     from icymoon.settings import description, preset_files
+    from icymoon.settings.topics.scene import typed
     from icymoon.stereo.trade.measure_variants import scaled_view
-    from icymoon.typed_settings import typed
 
     icymoon.register()
     for name in ("take_surfaces_off", "switch_lights_off")[:max(0, len(WAYS) - 1 - max(way, _CYCLES))]:

@@ -15,9 +15,9 @@ from ..physics.camera.lens_distortion import COEFFICIENTS
 from ..settings.description import check, defaults
 from ..settings.table import TOPICS
 from ..settings.toml_text import to_toml
+from ..settings.topics.scene import Settings
 from ..support.printer import say
 from ..terminal import as_path
-from ..typed_settings import Settings
 
 #: How far two eyes may be from parallel, rad, and from side by side, as a share of the baseline.
 _PARALLEL_RAD, _ASIDE = 1e-4, 1e-3

@@ -11,9 +11,10 @@ from ..render.cost.abilities import check_abilities
 from ..render.workers.cards import choose_cards
 from ..render.workers.job import Job, absolute_folder, render_job
 from ..settings import description, preset_files
+from ..settings.topics.declaration import Parts
+from ..settings.topics.scene import Settings
 from ..support import printer
 from ..terminal import as_path, show_progress
-from ..typed_settings import Parts, Settings
 from .renderer_options import add_blender_option, add_cards_option
 from .scene_options import add_scene_options, read_settings
 

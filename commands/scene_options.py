@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 
 from ..settings import description, preset_files
+from ..settings.topics.scene import Settings
 from ..terminal import as_path
-from ..typed_settings import Settings
 
 
 def add_scene_options(parser: argparse.ArgumentParser) -> None:

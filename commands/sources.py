@@ -12,11 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import IcyMoonError
-from ..paper_stand_ins.items import MeshItem, describe, items_of
+from ..paper_stand_ins.items import describe, items_of
 from ..render.pairs.pair_folder import find_pair_folders, read_pair
 from ..settings import description, preset_files, toml_text
-from ..settings.table import TOPICS, Setting, Value, all_settings
-from ..typed_settings import Settings
+from ..settings.table import TOPICS, all_settings
+from ..settings.topics.declaration import Setting, Value
+from ..settings.topics.scene import Settings
+from ..settings.topics.stand_ins import MeshItem
 
 #: What stands for a preset where none states the value.
 DEFAULT, BY_HAND, STAND_IN = "default", "stated", "stand-in"

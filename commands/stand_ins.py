@@ -6,7 +6,8 @@ import argparse
 
 from ..errors import IcyMoonError
 from ..paper_stand_ins.cached_files import make_files, relief_m
-from ..paper_stand_ins.items import MESH_PIXELS, MESHES, PIXELS, TEXTURES, MeshItem, TextureItem
+from ..paper_stand_ins.items import MESH_PIXELS, PIXELS
+from ..settings.topics.stand_ins import MESHES, TEXTURES, MeshItem, TextureItem
 from ..suggestions import nearest
 from ..support.printer import say
 from ..terminal import as_path

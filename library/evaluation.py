@@ -7,13 +7,12 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 
 from ..errors import IcyMoonError
 from ..number_text import count_of
-from ..settings.overrides import Overrides
 from .rendered_pair import RenderedPair, response_of
 
 #: Finds the disparity in px, (H, W), NaN where it finds none, of rectified images, uint8 (H, W) each.
@@ -58,7 +57,7 @@ def _number(value: float | None, digits: int) -> str:
 
 def evaluate(pairs: RenderedPair | str | Path | Iterable[RenderedPair | str | Path],
              matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher], out: str | Path,
-             *presets: str | Path, jobs: int = 1, **changes: Unpack[Overrides]) -> Evaluation:
+             *presets: str | Path, jobs: int = 1, **changes: Mapping[str, Any]) -> Evaluation:
     """Develop pairs, match them, and measure the result against the truth.
 
     ``pairs`` are pairs, their folders, or data sets. ``matchers`` are names of ours with their options, such as

@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 
 from ..errors import IcyMoonError
 from ..render.pairs.pair_folder import Pair, StereoCamera, find_pair_folders, read_unchanged_pair
 from ..settings import description, preset_files
-from ..settings.overrides import Overrides
 from ..settings.table import TOPICS
+from ..settings.topics.declaration import Parts
+from ..settings.topics.scene import Settings
 from ..stereo.images.develop import Images, develop
 from ..stereo.images.disparity_and_occlusion import scene_depth, visible_in_right
 from ..stereo.images.exr import Light, View
 from ..stereo.images.lens import lens_of
 from ..stereo.images.views import read_eye
-from ..typed_settings import Settings
 
 
 class RenderedEye:
@@ -161,7 +161,7 @@ class RenderedPair:
         """Whether a left pixel has a depth, but the right camera does not see its point, bool (H, W)."""
         return np.isfinite(self.left.depth_m) & ~self.visible
 
-    def develop(self, *presets: str | Path, **changes: Unpack[Overrides]) -> Images:
+    def develop(self, *presets: str | Path, **changes: Mapping[str, Any]) -> Images:
         """The images that a camera takes of this pair: ``left`` and ``right``, uint16 (H, W) digital numbers.
 
         ``presets`` and ``changes`` are of sensors and other settings that need no new render, such as
@@ -173,7 +173,7 @@ class RenderedPair:
         return develop(self._pair, left, right, settings)
 
 
-def response_of(presets: tuple[str | Path, ...], changes: Overrides) -> Settings:
+def response_of(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
     """The settings of presets and changes, all of which need no new render. Raises IcyMoonError for others."""
     found = read_settings(presets, changes)
     for topic, values in found.items():
@@ -183,7 +183,7 @@ def response_of(presets: tuple[str | Path, ...], changes: Overrides) -> Settings
     return found
 
 
-def read_settings(presets: tuple[str | Path, ...], changes: Overrides) -> Settings:
+def read_settings(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
     """The partial settings of presets (names, or paths of TOML files) and then of changes.
 
     Raises IcyMoonError for what is unknown, with the nearest name, and for values of a wrong type or out of range.

@@ -17,9 +17,9 @@ from ..number_text import count_of
 from ..render.workers.job import Job, blender_command
 from ..render.workers.process import Message, Process
 from ..scratch import make_scratch_folder
+from ..settings.topics.scene import Settings
 from ..support.printer import show_controls
 from ..system import remove_folder
-from ..typed_settings import Settings
 
 #: Receives the messages of a render: ``progress`` (``fraction``, ``message``), ``pair``, ``warning``.
 Hear = Callable[[Message], None]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Unpack
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -13,9 +13,8 @@ from ..render.pairs.pair_folder import is_complete, read_unchanged_pair
 from ..render.plans.planned_pair import expand_headings
 from ..render.workers.job import absolute_folder
 from ..settings import description, user_files
-from ..settings.overrides import Overrides
 from ..settings.toml_text import to_toml
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from .inputs import Field, Input, albedo_input, heights_input, rocks_input
 from .rendered_pair import RenderedPair, read_settings
 from .renderers import Hear, Renderer, as_warnings, default_renderer, ignore
@@ -37,7 +36,7 @@ class Scene:
     IcyMoonError for what is unknown, with the nearest name, and for values of a wrong type or out of range.
     """
 
-    def __init__(self, *presets: str | Path, **changes: Unpack[Overrides]) -> None:
+    def __init__(self, *presets: str | Path, **changes: Mapping[str, Any]) -> None:
         self._settings = description.merged(description.defaults(), read_settings(presets, changes))
         self._inputs: dict[str, Input] = {}
         self._title = " + ".join(str(preset) for preset in presets) or "defaults"
@@ -70,7 +69,7 @@ class Scene:
         """Its settings as a TOML file, which ``icymoon render --settings`` reads; without arrays that were given."""
         return to_toml(self._settings)
 
-    def change(self, *presets: str | Path, **changes: Unpack[Overrides]) -> Scene:
+    def change(self, *presets: str | Path, **changes: Mapping[str, Any]) -> Scene:
         """This scene with presets and changes over it. Raises IcyMoonError as ``Scene`` does."""
         stated = read_settings(presets, changes)
         names = [*map(str, presets), *(f"{topic}.{key}={value}" for topic, values in changes.items()

@@ -12,8 +12,9 @@ import bpy
 from ..errors import IcyMoonError
 from ..file_shapes import TABLE, TEXT, Each
 from ..settings.description import merged
-from ..settings.table import LANDFORMS, TOPICS
-from ..typed_settings import Parts, Settings, typed
+from ..settings.table import TOPICS
+from ..settings.topics.declaration import LANDFORMS, Parts
+from ..settings.topics.scene import Settings, typed
 from . import engine
 from .datablocks.blend_file_paths import are_there, content, used_files
 from .datablocks.fingerprint import (

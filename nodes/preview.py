@@ -30,7 +30,7 @@ from ..physics.rocks.shapes import Shape, make_rock_shapes
 from ..settings import changes
 from ..settings.changes import geometry
 from ..settings.description import merged
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from . import painted_errors
 from . import scene as scenes
 from .datablocks.blend_file_paths import with_absolute_files

@@ -12,7 +12,7 @@ import numpy as np
 from mathutils import Matrix
 
 from ..physics.light.directions import camera_axes
-from ..typed_settings import RigSettings
+from ..settings.topics.camera import RigSettings
 
 #: Blender's camera looks along -z with y up; OpenCV's along +z with y down.
 OPENCV_FROM_BLENDER = np.diag([1.0, -1.0, -1.0])

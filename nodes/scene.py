@@ -34,7 +34,7 @@ from ..physics.rocks.table import TABLE, read_table
 from ..physics.terrain.terrain import Terrain, terrain_advice
 from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.description import merged
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from . import engine, eyes_above_ground
 from .built_scene import (
     CONTENT,

@@ -12,8 +12,9 @@ from ..errors import IcyMoonError
 from ..nodes.add_objects import build_rock_object, build_terrain_object
 from ..settings import description
 from ..settings.preset_files import load_preset
-from ..settings.table import LANDFORMS, TOPICS, ground_settings
-from ..typed_settings import Settings
+from ..settings.table import TOPICS, ground_settings
+from ..settings.topics.declaration import LANDFORMS
+from ..settings.topics.scene import Settings
 from .presets import preset_items
 from .sidebar_text import in_window
 

@@ -13,7 +13,7 @@ from ..nodes import scene as scenes
 from ..nodes.ground.user_ground import cost_warnings
 from ..nodes.measured_surface import find_points
 from ..number_text import count_of
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from . import first_picture, view_exposure, view_resolution
 from .coloured_views import hide_errors
 from .sidebar_text import in_window

@@ -21,9 +21,9 @@ from ..render.workers.detached import Detached, find_left_running
 from ..render.workers.job import blender_command
 from ..render.workers.process import Message, Process, clean_environment
 from ..settings.preset_files import plan_names
+from ..settings.topics.scene import Settings
 from ..support.printer import show_controls
 from ..system import user_key
-from ..typed_settings import Settings
 from . import dialogs, evaluate, jobs
 from .render import dataset_folder
 from .show_pair import ShowsPair

@@ -21,11 +21,11 @@ from ..render.pairs.pair_folder import is_complete
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
 from ..settings.table import all_settings
-from ..settings.trust_boundary import OWN
+from ..settings.topics.scene import Settings
+from ..settings.topics.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
 from ..stereo.matchers.methods import toggle_method
 from ..support.printer import show_controls
-from ..typed_settings import Settings
 from . import jobs, own_reports, results
 from .render import dataset_folder, planned_pairs
 

@@ -12,8 +12,8 @@ from ..number_text import count_of
 from ..preferences import find_evaluator_python
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
+from ..settings.topics.scene import Settings
 from ..support.printer import show_controls
-from ..typed_settings import Settings
 from . import jobs, results
 from .evaluate import rendered_pairs, response_arguments
 from .render import dataset_folder

@@ -16,7 +16,7 @@ from ..errors import IcyMoonError
 from ..nodes import preview
 from ..nodes import scene as scenes
 from ..settings import change_announcements, description
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from . import first_picture, refine, view_resolution
 from .build import frame_and_expose
 from .coloured_views import give_back_views

@@ -16,7 +16,8 @@ from ..errors import IcyMoonError
 from ..files import explain_disk_errors, write_text
 from ..formats.markdown import page_html
 from ..scratch import make_scratch_folder
-from ..settings.table import LANDFORMS, TOPICS
+from ..settings.table import TOPICS
+from ..settings.topics.declaration import LANDFORMS
 from ..version import ROOT, version
 from .sidebar_text import in_window
 

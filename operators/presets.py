@@ -21,10 +21,10 @@ from ..nodes.ground.user_ground import is_from_file
 from ..preferences import extension_folder
 from ..render.cycles_settings import find_lack
 from ..settings import changes, description, preset_files, toml_text
+from ..settings.topics.scene import Settings
 from ..stereo.pair_views import read_pair_views
 from ..support.printer import show_controls
 from ..system import name_fault, remove
-from ..typed_settings import Settings
 from . import dialogs, first_picture, live_preview, refine
 from .build import build_and_report
 from .evaluate import rendered_pairs

@@ -19,7 +19,7 @@ from ..nodes import scene as scenes
 from ..nodes.ground.dug_ground import mesh_whole_ground
 from ..nodes.ground.terrain_mesh import MeshedGround
 from ..settings import changes
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from . import first_picture, jobs, view_resolution
 from .build import look_through, views_through
 

@@ -18,8 +18,8 @@ from ..render.worker import render_pairs
 from ..render.workers.job import Job as JobFiles
 from ..render.workers.job import absolute_folder, blender_command
 from ..render.workers.process import Message, Process
+from ..settings.topics.scene import Settings
 from ..support.printer import show_controls
-from ..typed_settings import Settings
 from . import jobs
 from .build import frame_and_expose, leave_edit_mode, look_through, views_through
 from .sidebar_text import in_window

@@ -18,11 +18,12 @@ from ..file_shapes import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, r
 from ..files import explain_disk_errors
 from ..number_text import count_of
 from ..settings import description
-from ..settings.table import Setting, all_settings
+from ..settings.table import all_settings
+from ..settings.topics.declaration import Setting
+from ..settings.topics.scene import Settings, typed
 from ..stereo.matchers.methods import describe_method
 from ..stereo.report.table_columns import NO_RESULT, RANKING
 from ..support.foreign_bytes import parse_json
-from ..typed_settings import Settings, typed
 from . import image_editor, own_reports
 from .jobs import push_undo
 from .render import dataset_folder

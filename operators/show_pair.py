@@ -27,10 +27,10 @@ from ..render.pairs.our_files import checked_id
 from ..scratch import make_scratch_folder
 from ..settings import change_announcements
 from ..settings.changes import response
+from ..settings.topics.scene import typed
 from ..stereo.pair_views import PairViews, read_pair_views
 from ..support.printer import show_controls
 from ..system import remove_folder
-from ..typed_settings import typed
 from . import image_editor, live_preview, view_exposure
 from .evaluate import rendered_pairs
 from .jobs import push_undo, redraw

@@ -25,9 +25,12 @@ from ..physics.scene_requirements import find_left_out
 from ..render.cost.abilities import Abilities
 from ..render.cost.quality_presets import QualityPreset, list_qualities
 from ..render.cost.speed import Speed, recall_speed
-from ..settings.table import TOPICS, Setting
+from ..settings.table import TOPICS
+from ..settings.topics.camera import RigSettings, SensorSettings
+from ..settings.topics.declaration import Setting
+from ..settings.topics.light import LightSettings
+from ..settings.topics.scene import Settings
 from ..support.printer import show_controls
-from ..typed_settings import LightSettings, RigSettings, SensorSettings, Settings
 
 #: Disparity error, px, for which the depth error is given: that of good matchers on textured ground.
 DISPARITY_ERROR_PX = 0.25
@@ -153,7 +156,7 @@ def camera_notes(settings: Settings) -> tuple[str, ...]:
 
 @lru_cache(maxsize=8)
 def _camera_notes(*parts: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
-    rig, sensor = RigSettings(parts[0]), SensorSettings(parts[1])
+    rig, sensor = RigSettings.from_values(parts[0]), SensorSettings.from_values(parts[1])
     settings = Settings(rig=rig, sensor=sensor)
     lines = [plain(sentence) for sentence in blur_advice(settings)]
     try:
@@ -205,7 +208,7 @@ def planetshine_wm2(light: LightSettings) -> float:
 @lru_cache(maxsize=8)
 def _facts(light: tuple[tuple[str, Any], ...], blend: str) -> dict[str, Any]:
     """The facts of the sky, with the Sun as it lights the scene."""
-    described = LightSettings(light)
+    described = LightSettings.from_values(light)
     found = sky_facts(sky(described, str(Path(blend).parent) if blend else None))
     return {**found, "sun": described_by(found["sun"], described.directions_from).to_json()}
 
@@ -233,7 +236,7 @@ def _sky_lines(light: tuple[tuple[str, Any], ...], blend: str) -> tuple[str, ...
 
 @lru_cache(maxsize=8)
 def _rig_lines(rig: tuple[tuple[str, Any], ...]) -> tuple[str, ...]:
-    described = RigSettings(rig)
+    described = RigSettings.from_values(rig)
     width, height = int(described.width_px), int(described.height_px)
     focal = focal_px(described)
     fields = [2 * math.degrees(math.atan(n / 2 / focal)) for n in (width, height)]

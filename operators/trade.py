@@ -19,9 +19,9 @@ from ..render.workers.job import Job, blender_command, python_command
 from ..render.workers.process import Message, Process, clean_environment
 from ..scratch import make_scratch_folder
 from ..settings import toml_text
+from ..settings.topics.scene import Settings
 from ..support.printer import show_controls
 from ..system import remove_folder
-from ..typed_settings import Settings
 from . import jobs, sidebar_text
 from .evaluate import matcher_arguments
 from .render import dataset_folder

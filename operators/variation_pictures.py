@@ -23,9 +23,9 @@ from ..render.workers.process import Message, Process
 from ..scratch import make_scratch_folder
 from ..settings import change_announcements, changes
 from ..settings.description import merged
+from ..settings.topics.scene import Settings
 from ..stereo.pair_views import read_pair_views
 from ..system import remove_folder
-from ..typed_settings import Settings
 from . import jobs
 
 #: Columns or rows of a picture at most, and light paths per pixel, with a denoiser and without. The sidebar shows a

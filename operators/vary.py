@@ -38,9 +38,10 @@ from ..render.plans.vary_scene import (
     why_fixed,
 )
 from ..settings import change_announcements
-from ..settings.table import TOPICS, Setting
+from ..settings.table import TOPICS
+from ..settings.topics.declaration import Setting
+from ..settings.topics.scene import Settings
 from ..support.printer import show_controls
-from ..typed_settings import Settings
 from . import dataset, dialogs, jobs, results, variation_pictures
 from .render import dataset_folder
 from .sidebar_text import in_window, known_speed, plain

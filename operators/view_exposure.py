@@ -24,8 +24,8 @@ from ..physics.surfaces import albedos
 from ..render.pairs.pair_folder import read_pair
 from ..settings import change_announcements, changes
 from ..settings.description import merged
+from ..settings.topics.scene import Settings
 from ..stereo.images.develop import Channels
-from ..typed_settings import Settings
 from . import sidebar_text
 
 #: View transform that shows light as the images of a camera do.

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 from .. import scene_properties
 from ..operators import jobs
 from ..operators.sidebar_text import in_lines, line_length, plain
-from ..settings.table import TOPICS, Setting
-from ..typed_settings import Settings
-from .relevance import has_effect, is_shown
+from ..settings.table import TOPICS
+from ..settings.topics.declaration import Setting
+from ..settings.topics.scene import Settings
 
 #: Choices that the panel explains, by the first sentence of their tooltip.
 _EXPLAINED = {("surface", "model"), ("rock_surface", "model"), ("hapke", "accuracy")}
@@ -44,14 +44,15 @@ def find_fields(root: Any, topic: str, keys: tuple[str, ...]) -> tuple[_Field, .
         _fields.clear()
         _fields_of = settings
     if (topic, keys) not in _fields:
-        _fields[topic, keys] = tuple(_describe(topic, key, settings) for key in keys if is_shown(topic, key, settings))
+        _fields[topic, keys] = tuple(_describe(topic, key, settings) for key in keys
+                                     if TOPICS[topic].is_shown(key, settings))
     return _fields[topic, keys]
 
 
 def _describe(topic: str, key: str, settings: Settings) -> _Field:
     setting, value = TOPICS[topic][key], settings[topic][key]
     meanings = (each[2] for each in setting.choices if each[0] == value and (topic, key) in _EXPLAINED)
-    return _Field(setting, has_effect(topic, key, settings), next(meanings, "").partition(". ")[0])
+    return _Field(setting, TOPICS[topic].has_effect(key, settings), next(meanings, "").partition(". ")[0])
 
 
 def draw_settings(layout: Any, root: Any, topic: str, keys: tuple[str, ...]) -> None:

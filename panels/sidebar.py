@@ -23,7 +23,7 @@ from ..operators import (
     view_resolution,
 )
 from ..preferences import own_matcher_names, plugin_matcher_names
-from ..settings.trust_boundary import OWN
+from ..settings.topics.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
 from ..stereo.matchers.methods import names_method
 from ..stereo.report.table_columns import NOISE_DECIDES

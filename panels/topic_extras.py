@@ -13,13 +13,13 @@ from ..nodes import preview
 from ..nodes import scene as scenes
 from ..operators import live_exposure, sidebar_text
 from ..operators.sidebar_text import remember
-from ..paper_stand_ins.items import MeshItem, TextureItem, describe, items_of
+from ..paper_stand_ins.items import describe, items_of
 from ..physics.surfaces import albedos, principled
 from ..settings.preset_files import load, preset_header, preset_names, preset_path
 from ..settings.table import TOPICS
-from ..typed_settings import HapkeSettings, SurfaceSettings
+from ..settings.topics.stand_ins import MeshItem, TextureItem
+from ..settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from .fields import draw_lines, draw_sentence, draw_settings, draw_start
-from .sections import ELSEWHERE
 
 _albedo_advice, _albedos = remember(principled.albedo_advice), remember(albedos.albedos)
 Extra = Callable[[Any, bpy.types.Context], None]
@@ -118,12 +118,12 @@ def _draw_camera_notes(layout: Any, context: bpy.types.Context) -> None:
 def _make_surface_extra(topic: str) -> Extra:
     def draw(layout: Any, context: bpy.types.Context) -> None:
         group = getattr(context.scene.icymoon, topic)
-        surface = SurfaceSettings({s.key: getattr(group, s.key) for s in TOPICS[topic].settings})
+        surface = SurfaceSettings.from_values({s.key: getattr(group, s.key) for s in TOPICS[topic].settings})
         advice = _albedo_advice(surface)
         if advice and group.model == "PRINCIPLED":
             draw_sentence(layout, advice, "INFO")
         if group.model == "HAPKE":  # its albedos are in the panel with the other parameters of that law
-            draw_settings(layout, context.scene.icymoon, "hapke", ELSEWHERE["hapke"])
+            draw_settings(layout, context.scene.icymoon, "hapke", ("w",))
         else:
             values = scene_properties.read_for_display(context.scene.icymoon)
             _draw_albedos(layout, values[topic], values.hapke)

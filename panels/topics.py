@@ -5,10 +5,10 @@ from __future__ import annotations
 import bpy
 
 from ..operators import manual
-from ..settings.table import LANDFORMS, TOPICS, Topic
+from ..settings.table import TOPICS
+from ..settings.topics.declaration import ADVANCED, LANDFORMS, Section, Topic
+from ..settings.topics.ground import ABOVE_A_MAP
 from .fields import draw_sentence, draw_settings, find_fields
-from .relevance import uses_landforms
-from .sections import ADVANCED, ELSEWHERE, INSIDE, SECTIONS, Section, main_settings
 from .sidebar import FIRST, LAST, Sidebar
 from .topic_extras import AFTER, BEFORE
 
@@ -21,44 +21,33 @@ class _TopicPanel(Sidebar):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return _is_topic_shown(cls.topic.key, context.scene.icymoon)
+        return bool(find_fields(context.scene.icymoon, cls.topic.key, tuple(s.key for s in cls.topic.settings)))
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, key = self.layout, self.topic.key
         layout.active = key != "rock_surface" or context.scene.icymoon.rocks.own_surface
         if key in BEFORE:
             BEFORE[key](layout, context)
-        draw_settings(layout, context.scene.icymoon, key, main_settings(key))
+        draw_settings(layout, context.scene.icymoon, key, self.topic.main_keys)
         if key in AFTER:
             AFTER[key](layout, context)
-
-
-def _is_topic_shown(topic: str, root: object) -> bool:
-    """Whether the present choices use a topic."""
-    if topic == "mesh":
-        return bool(root.source.kind == "PROCEDURAL")  # type: ignore[attr-defined]
-    if topic == "hapke":
-        used = [root.surface, *([root.rock_surface] if root.rocks.own_surface else [])]  # type: ignore[attr-defined]
-        return any(surface.model == "HAPKE" for surface in used)
-    if topic not in ("hills", "arm") and TOPICS[topic].parent != LANDFORMS:
-        return True
-    return bool(find_fields(root, topic, tuple(setting.key for setting in TOPICS[topic].settings)))
 
 
 class _SectionPanel(Sidebar):
     """Some settings of a topic that only some scenes need."""
 
     bl_options = {"DEFAULT_CLOSED"}
+    topic: Topic
     section: Section
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return bool(find_fields(context.scene.icymoon, cls.section.topic, cls.section.settings))
+        return bool(find_fields(context.scene.icymoon, cls.topic.key, cls.topic.keys_in(cls.section)))
 
     def draw(self, context: bpy.types.Context) -> None:
         root = context.scene.icymoon
-        self.layout.active = self.section.topic != "rock_surface" or root.rocks.own_surface
-        draw_settings(self.layout, root, self.section.topic, self.section.settings)
+        self.layout.active = self.topic.key != "rock_surface" or root.rocks.own_surface
+        draw_settings(self.layout, root, self.topic.key, self.topic.keys_in(self.section))
 
 
 class ICYMOON_PT_landforms(Sidebar, bpy.types.Panel):
@@ -72,7 +61,7 @@ class ICYMOON_PT_landforms(Sidebar, bpy.types.Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return uses_landforms(context.scene.icymoon)
+        return ABOVE_A_MAP(context.scene.icymoon, "terrain")
 
     def draw(self, context: bpy.types.Context) -> None:
         group = context.scene.icymoon
@@ -93,28 +82,31 @@ def _make_topic_panel(topic: Topic, order: int) -> type:
     own: dict[str, object] = {}
     if topic.parent == LANDFORMS:
         own["bl_parent_id"] = ICYMOON_PT_landforms.bl_idname
-    elif topic.key in INSIDE:
-        own["bl_parent_id"] = f"ICYMOON_PT_{INSIDE[topic.key]}"
+    elif topic.inside:
+        own["bl_parent_id"] = f"ICYMOON_PT_{topic.inside}"
     if topic.key == "rock_surface":
-        own |= _switch("rocks", ELSEWHERE["rocks"][0])
+        own |= _switch("rocks", "own_surface")
     return type(f"ICYMOON_PT_{topic.key}", (_TopicPanel, bpy.types.Panel), {
         "__doc__": topic.description, "bl_idname": f"ICYMOON_PT_{topic.key}", "bl_label": topic.label,
         "bl_order": order, "topic": topic, "page": manual.page_of_topic(topic.key), **own})
 
 
-def _make_section_panel(section: Section, order: int) -> type:
-    own = _switch(section.topic, section.switch) if section.switch else {}
-    name = f"ICYMOON_PT_{section.topic}_{section.key}"
+def _make_section_panel(topic: Topic, section: Section, order: int) -> type:
+    own = _switch(topic.key, section.switch) if section.switch else {}
+    name = f"ICYMOON_PT_{topic.key}_{section.key}"
+    # Blender indents what is inside a sub-panel no further, so the label tells what it belongs to.
+    label = f"{section.label} {topic.brief or topic.label}" if section == ADVANCED else section.label
     return type(name, (_SectionPanel, bpy.types.Panel), {
-        "__doc__": section.description, "bl_idname": name, "bl_label": section.label,
-        "bl_order": LAST if section.key == ADVANCED else order,
-        "bl_parent_id": f"ICYMOON_PT_{section.topic}", "section": section,
-        "page": manual.page_of_topic(section.topic), **own})
+        "__doc__": section.description, "bl_idname": name, "bl_label": label,
+        "bl_order": LAST if section == ADVANCED else order,
+        "bl_parent_id": f"ICYMOON_PT_{topic.key}", "topic": topic, "section": section,
+        "page": manual.page_of_topic(topic.key), **own})
 
 
 #: Blender registers a panel after the one that it is in.
 _PANELS = {topic.key: _make_topic_panel(topic, FIRST + k) for k, topic in enumerate(TOPICS.values())}
-_TOPS = [key for key, topic in TOPICS.items() if not topic.parent and key not in INSIDE]
+_TOPS = [key for key, topic in TOPICS.items() if not topic.parent and not topic.inside]
 CLASSES = (*(_PANELS[key] for key in _TOPS), ICYMOON_PT_landforms,
            *(panel for key, panel in _PANELS.items() if key not in _TOPS),
-           *(_make_section_panel(section, k) for k, section in enumerate(SECTIONS)))
+           *(_make_section_panel(topic, section, k) for topic in TOPICS.values()
+             for k, section in enumerate(topic.sections)))

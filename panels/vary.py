@@ -11,7 +11,6 @@ from ..operators import dataset, show_pair, variation_pictures, vary
 from ..render.plans.vary_scene import label_of, names_that_vary
 from ..settings.table import TOPICS
 from .fields import draw_sentence, draw_settings, draw_start
-from .relevance import has_effect, is_shown
 from .sidebar import Sidebar
 
 _VARY = frozenset(names_that_vary())
@@ -108,7 +107,7 @@ def _draw_varied(layout: Any, root: Any, item: Any) -> None:
     column = layout.column(align=True)
     for tick in item.ticks:
         column.prop(tick, "on", text=labels.get(tick.name, tick.name), toggle=True)
-    if not (is_shown(topic, key, root) and has_effect(topic, key, root)):
+    if not (TOPICS[topic].is_shown(key, root) and TOPICS[topic].has_effect(key, root)):
         draw_sentence(layout, "It has no effect with the present settings.", "ERROR")
 
 

@@ -20,8 +20,9 @@ from ..file_shapes import COUNT, FILE_NAME, NUMBER, SHA256, Each, read_record
 from ..files import PART, explain_disk_errors, sha256, write_atomically, write_json
 from ..formats.ply import encode_triangles
 from ..formats.png import encode_png
+from ..settings.topics.stand_ins import MeshItem, TextureItem, mesh_item, texture_item
 from ..system import remove
-from .items import RECIPE, MeshItem, TextureItem, mesh_item, texture_item
+from .items import RECIPE
 from .reconstructions import reconstruct
 from .texture_maps import make_maps
 

@@ -17,10 +17,11 @@ import numpy as np
 
 from ..physics.mesh.check import examine, label_components
 from ..physics.random_numbers.seeds import generator
+from ..settings.topics.stand_ins import MeshItem, mesh_item
 from . import fields
 from .fields import Draw
 from .ice_colours import ice_albedo, snow_albedo
-from .items import MESH_PIXELS, MeshItem, mesh_item
+from .items import MESH_PIXELS
 from .texture_maps import DIRT, SEED, mix
 from .triangulation import triangulate
 

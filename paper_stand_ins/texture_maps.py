@@ -14,10 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..physics.random_numbers.seeds import generator
+from ..settings.topics.stand_ins import TextureItem, texture_item
 from . import fields
 from .fields import Draw
 from .ice_colours import ice_albedo, snow_albedo
-from .items import PIXELS, TextureItem, texture_item
+from .items import PIXELS
 
 #: The stand-ins are the same in every data set, so that their pairs can be compared.
 SEED = 0

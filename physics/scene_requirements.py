@@ -8,7 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..typed_settings import QualitySettings, Settings, SurfaceSettings
+from ..settings.topics.rendering import QualitySettings
+from ..settings.topics.scene import Settings
+from ..settings.topics.surfaces import SurfaceSettings
 from .light.sky import Sky
 from .mesh.fine_relief import nearest_m
 from .rig.focal_length import focal_px

@@ -35,7 +35,7 @@ from ..physics.random_numbers.seeds import generator, stream
 from ..physics.rig.seen_points import find_seen_facets, sides_passed
 from ..physics.scene_requirements import why_not_baked
 from ..settings import changes
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from . import baked_rocks, cycles_settings, texel_bakes
 from .mesh_arrays import read_corners, read_triangles, read_vertices
 from .pairs.baked_file import BakedLight

@@ -6,7 +6,8 @@ import bpy
 
 from .. import compat
 from ..errors import IcyMoonError
-from ..typed_settings import QualitySettings, Settings
+from ..settings.topics.rendering import QualitySettings
+from ..settings.topics.scene import Settings
 from .cost.abilities import Abilities, lack_for, lack_for_quality
 from .graphics_cards import select_cards
 

@@ -30,8 +30,8 @@ from ..physics.mesh.fine_relief import still_from_m
 from ..physics.scene_requirements import surface_topics
 from ..physics.surfaces import principled
 from ..settings.description import digest, merged
+from ..settings.topics.scene import Settings
 from ..support.printer import emit
-from ..typed_settings import Settings
 from .ground_files import frame_facts, refuse_too_many, write_map, write_meshes
 from .ground_maps import make_ground_map
 from .mesh_arrays import is_rendered, read_corners, read_triangles, read_vertices

@@ -13,7 +13,7 @@ from ..files import write_atomically
 from ..formats.geotiff import map_facts, map_notes
 from ..formats.placed_meshes import PlacedMesh, by_kind, write_gltf, write_obj, write_ply, write_usd
 from ..formats.tiff_write import Place, encode_tiff
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from .ground_maps import GroundMap
 
 #: Most triangles in files that have no instances. Readers take about 100 bytes for each, as trimesh does with its

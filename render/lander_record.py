@@ -15,7 +15,7 @@ from ..nodes.lander.objects import INSTANCES, ROLES, link_poses, names_of_links,
 from ..physics.arm.keypoints import describe_keypoints
 from ..physics.arm.lander_arm import joint_facts
 from ..physics.arm.lander_solids import BODY, HEAD
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from .hidden_pixels import read_depth
 from .pairs.pair_folder import EYES, TRUTH_FILE, StereoCamera
 

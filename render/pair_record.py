@@ -20,8 +20,8 @@ from ..physics.camera.blur import blur_of
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ..physics.light.sky import compare_lights
 from ..physics.scene_requirements import find_left_out, traced_sentence
+from ..settings.topics.scene import Settings
 from ..system import peak_memory_mib
-from ..typed_settings import Settings
 from ..version import version
 from .graphics_cards import list_selected_cards
 from .pairs.pair_folder import EYES, FORMAT, VERSION, StereoCamera

@@ -32,8 +32,9 @@ from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, blur_of
 from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
 from ..rays.stereo_truth import Stage
+from ..settings.topics.lander import WorkspaceSettings
+from ..settings.topics.scene import Settings
 from ..support.foreign_bytes import OverBudgetError
-from ..typed_settings import Settings, WorkspaceSettings
 from . import cycles_settings, hidden_pixels, passes, separate_lights, unlit
 from .baked_light import Indirect
 from .cost.estimate import count_bytes_left, pixels_of

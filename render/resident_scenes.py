@@ -13,7 +13,7 @@ from .. import compat, scene_properties
 from ..errors import IcyMoonError
 from ..nodes.scene import extra
 from ..settings.description import check, defaults, merged
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from .pairs.pair_folder import is_complete
 from .plans.planned_pair import expand_headings
 from .scene_source import ScenesFromSettings

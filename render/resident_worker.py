@@ -14,8 +14,8 @@ from typing import NoReturn
 
 from ..errors import IcyMoonError
 from ..files import read_text
+from ..settings.topics.scene import typed
 from ..support.printer import emit
-from ..typed_settings import typed
 from .resident_scenes import ResidentScenes
 from .worker import run_to_exit
 from .workers.job import read_job

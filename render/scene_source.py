@@ -20,7 +20,7 @@ from ..physics.camera.blur import blur_identity
 from ..physics.mesh.fine_relief import still_from_m
 from ..settings import changes
 from ..settings.description import digest
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from . import cycles_settings
 from .plans.planned_pair import PlannedPair
 from .ray_stage import RaysOfScene

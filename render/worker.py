@@ -22,9 +22,9 @@ from ..errors import DiskError, IcyMoonError
 from ..nodes import painted_errors
 from ..nodes.scene import Built, extra, find, separate_copies
 from ..settings.description import check, defaults, merged, overlaid
+from ..settings.topics.scene import Settings
 from ..support.printer import emit
 from ..system import end_at_interrupt
-from ..typed_settings import Settings
 from . import baked_light
 from .cycles_errors import first_line
 from .pairs.pair_folder import is_complete

@@ -15,8 +15,9 @@ from ..physics.mesh.broken_walls import breaks_walls
 from ..physics.mesh.fine_relief import is_carried_by_grid
 from ..physics.mesh.grading import OF_THE_RIG, fine_relief_of
 from ..physics.scene_requirements import SURFACES, follows_walk
-from ..typed_settings import Parts, Settings
 from .table import TOPICS
+from .topics.declaration import Parts
+from .topics.scene import Settings
 
 _SITE = {("rig", "x_m"), ("rig", "y_m")}
 _PIXEL = {("rig", "focal_length_mm"), ("rig", "sensor_width_mm"), ("rig", "width_px")}

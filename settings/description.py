@@ -23,11 +23,13 @@ from ..files import quote, shorten
 from ..plugins.landforms import PREFIX, missing_landform
 from ..suggestions import nearest
 from ..support.foreign_bytes import parse_toml
-from ..typed_settings import Parts, Settings, typed, typed_table
 from ..version import is_newer, version
-from . import pair_ids, trust_boundary
+from . import pair_ids
 from .landform_releases import check_release, kept_of_missing, with_releases
-from .table import TOPICS, Setting, Value
+from .table import TOPICS
+from .topics import trust_boundary
+from .topics.declaration import Parts, Setting, Value
+from .topics.scene import Settings, typed, typed_table
 
 #: Similarity from which an error suggests a known word for an unknown one, see ``suggestions.nearest``.
 MIN_SIMILARITY = 0.4
@@ -76,11 +78,11 @@ def canonical(setting: Setting, value: Any) -> Value:
 
 
 def _checked_list(setting: Setting, value: Any, name: str, where: str, stored: bool) -> Value:
-    """A checked list of tables, each completed with defaults, or with ``pair_ids.before`` if it was ``stored``."""
+    """A checked list of tables, each completed with defaults, or with ``Setting.old_value`` if it was ``stored``."""
     if not isinstance(value, (list, tuple)) or not all(isinstance(entry, Mapping) for entry in value):
         raise IcyMoonError(f"{where}: {name} must be a list of tables, not {quote(value)}.")
     known = {s.key: s for s in setting.entries}
-    missing = {key: pair_ids.before(f"{name}.{key}", s) if stored else s.default for key, s in known.items()}
+    missing = {key: s.old_value if stored else s.default for key, s in known.items()}
     tables = []
     for k, entry in enumerate(value):
         for key in entry:
@@ -131,9 +133,9 @@ def check(data: Mapping[str, Any], where: str, stored: bool = False) -> Settings
     """Check a partial description and return it in canonical form, with present names.
 
     Errors name ``where``: a file, ``--set``, … A description that some version has ``stored`` was valid then. So its
-    values may be outside the present range, invalid settings with the effect "run" are left out, and removed settings
-    are kept. Raises IcyMoonError for an unknown topic or key, a wrong type, a value out of range, or a text that only
-    the user may set (see ``trust_boundary``).
+    values may be outside the present range, and invalid settings with the effect "run" are left out. Raises
+    IcyMoonError for an unknown topic or key, a wrong type, a value out of range, or a text that only the user may set
+    (see ``trust_boundary``).
     """
     return with_releases(typed(_joined(_check_table(topic, values, where, stored) for topic, values in data.items())))
 
@@ -162,13 +164,6 @@ def _check_table(topic: str, values: Any, where: str, stored: bool) -> Tables:
     checked: Tables = {}
     for key, value in values.items():
         name = pair_ids.present_name(f"{topic}.{key}")
-        if name in pair_ids.SCHEMA["gone"]:
-            if stored:
-                checked.setdefault(topic, {})[key] = value
-            elif value != pair_ids.SCHEMA["gone"][name]:
-                raise IcyMoonError(f"{where}: {name} is {quote(value)}, but this version supports only "
-                                   f"{pair_ids.SCHEMA['gone'][name]!r}; remove the setting.")
-            continue
         setting = _setting(name, where)
         with suppress(IcyMoonError) if stored and setting.effect == "run" else nullcontext():
             checked.setdefault(name.partition(".")[0], {})[setting.key] = _checked(setting, value, name, where, stored)
@@ -178,8 +173,8 @@ def _check_table(topic: str, values: Any, where: str, stored: bool) -> Tables:
 
 
 def _was_topic(topic: str) -> bool:
-    """Whether settings that are renamed or gone were of this topic."""
-    return any(name.startswith(f"{topic}.") for name in (*pair_ids.SCHEMA["renamed"], *pair_ids.SCHEMA["gone"]))
+    """Whether settings that were renamed were of this topic."""
+    return any(name.startswith(f"{topic}.") for name in pair_ids.RENAMED)
 
 
 def nearest_topic(topic: str, known: Iterable[str], cutoff: float = 0.5) -> str:
@@ -252,7 +247,7 @@ def _made_once(known: dict[tuple[str, str], Made], topic: str, values: Any, make
 
 def _before() -> Settings:
     """The complete description with the effect of versions without newer settings."""
-    return typed({topic.key: {s.key: canonical(s, pair_ids.before(f"{topic.key}.{s.key}", s)) for s in topic.settings}
+    return typed({topic.key: {s.key: canonical(s, s.old_value) for s in topic.settings}
                   for topic in TOPICS.values()})
 
 
@@ -319,7 +314,7 @@ def digest(settings: Mapping[str, Mapping[str, Value]], extra: str = "",
     """The id of the pair with these settings: twelve hexadecimal digits.
 
     Settings that cannot change a rendered pixel (camera response, paths, threads) do not count. Newer settings count
-    only if they differ from ``pair_ids.before``. ``extra`` identifies content that the settings do not describe: files
+    only if they differ from their ``old_value``. ``extra`` identifies content that the settings do not describe: files
     of the ground, and edited or added geometry. ``count`` is ``pair_ids.make_counter()`` for many pairs.
     """
     first, *later = (count or pair_ids.make_counter())(settings)

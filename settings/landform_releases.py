@@ -13,8 +13,9 @@ from typing import Any
 from ..errors import IcyMoonError
 from ..file_shapes import NUMBER
 from ..plugins.landforms import PREFIX, RELEASE, missing_landform
-from ..typed_settings import Settings, Table
 from .table import TOPICS
+from .topics.declaration import Table
+from .topics.scene import Settings
 
 #: Longest release that is read from a file.
 _LONGEST = 200

@@ -1,10 +1,8 @@
 """The settings from which ids of pairs are made. No later version may change the id of a pair.
 
-``pair_ids.json`` contains the settings of the first version under ``counted``. This list is closed, and an id is made
-from these settings in this order. A newer setting is under ``later``, with the value that has the effect of versions
-without it. It counts only if it differs from that value. Renamed settings are under ``renamed`` (old name, new name),
-and removed ones under ``gone``, with the value that later versions imply. ``entries`` are the settings of each table of
-a list. Imports no Blender.
+An id is made from the settings of the first release, in the order of their declaration: this list is closed. A newer
+setting, whose declaration states ``since``, counts only if it differs from the value with the effect of releases
+without it (``Setting.old_value``). Imports no Blender.
 """
 
 from __future__ import annotations
@@ -13,27 +11,22 @@ import itertools
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
-from ..typed_settings import Settings, typed
 from .changes import relief_in_mesh
 from .landform_releases import counted_landforms
-from .table import Setting, all_settings
+from .table import TOPICS, all_settings
 from .table_texts import MadeOnce
+from .topics.declaration import Setting
+from .topics.scene import Settings, typed
 
-SCHEMA: dict[str, Any] = json.loads(
-    Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
-
-
-def before(name: str, setting: Setting) -> Any:
-    """The value of a setting that has the effect of versions without it; the default if the first version had it."""
-    return SCHEMA["later"].get(name, setting.default)
+#: Present names of settings that were renamed, by their old names (``topic.key``), as ids contain the old ones.
+RENAMED: dict[str, str] = {}
 
 
 def present_name(name: str) -> str:
     """The present name of a setting (``topic.key``)."""
-    return str(SCHEMA["renamed"].get(name, name))
+    return RENAMED.get(name, name)
 
 
 def counts(setting: Setting) -> bool:
@@ -41,10 +34,18 @@ def counts(setting: Setting) -> bool:
     return setting.effect not in ("response", "run") and setting.subtype != "FILE_PATH"
 
 
+def first_settings() -> list[str]:
+    """The names of the settings of the first release that count, as it called them, in the order of an id."""
+    old = {new: name for name, new in RENAMED.items()}
+    return [old.get(name, name) for name in (f"{topic.key}.{s.key}" for topic in TOPICS.values() if not topic.plugin
+                                             for s in topic.settings if not s.since and counts(s))]
+
+
 def counted(settings: Mapping[str, Mapping[str, Any]]) -> list[Any]:
     """The values of complete settings from which a pair's id is made.
 
-    They are the list of the first version and, if there are any, the newer settings that differ from ``before``.
+    They are the list of the first release and, if there are any, the newer settings that differ from their
+    ``old_value``.
     """
     return [json.loads(text) for text in make_counter()(settings)]
 
@@ -54,8 +55,9 @@ def make_counter() -> Callable[[Mapping[str, Mapping[str, Any]]], list[str]]:
 
     What a table gives is made once for all descriptions that share the table. It must not be changed meanwhile.
     """
-    columns = [(name, *present_name(name).split(".", 1)) for name in SCHEMA["counted"]]
-    special = {name for name, topic, key in columns if name in SCHEMA["gone"] or key == "relief"}
+    columns = [(name, topic, key) for name in first_settings()
+               for topic, _, key in [present_name(name).partition(".")]]
+    special = {name for name, topic, key in columns if key == "relief"}
     runs = [(topic, MadeOnce(partial(_text_of, [(name, key) for name, _, key in run])) if topic else run[0][0])
             for topic, run in _split_columns(columns, special)]
     newer = {topic: MadeOnce(partial(_find_newer, *those)) for topic, those in _newer_settings().items()}
@@ -88,10 +90,10 @@ def _newer_settings() -> dict[str, tuple[list[tuple[str, str, Any]], list[tuple[
     found: dict[str, tuple[list[tuple[str, str, Any]], list[tuple[str, str, str, Any]]]] = {}
     for topic, s in all_settings():
         values, parts = found.setdefault(topic, ([], []))
-        if (name := f"{topic}.{s.key}") in SCHEMA["later"] and counts(s):
-            values.append((name, s.key, before(name, s)))
-        parts += [(s.key, part.key, of, before(of, part)) for part in s.entries
-                  if (of := f"{name}.{part.key}") in SCHEMA["later"]]
+        name = f"{topic}.{s.key}"
+        if s.since and counts(s):
+            values.append((name, s.key, s.old_value))
+        parts += [(s.key, part.key, f"{name}.{part.key}", part.old_value) for part in s.entries if part.since]
     return {topic: both for topic, both in found.items() if any(both)}
 
 
@@ -106,7 +108,7 @@ def _find_newer(values: Sequence[tuple[str, str, Any]], parts: Sequence[tuple[st
 def value_in_id(name: str, settings: Mapping[str, Mapping[str, Any]]) -> Any:
     """The value of a setting (``topic.key``) from which a pair's id is made."""
     topic, _, key = present_name(name).partition(".")
-    value = settings[topic].get(key, SCHEMA["gone"][name]) if name in SCHEMA["gone"] else settings[topic][key]
+    value = settings[topic][key]
     if key == "relief" and value == "REAL" and (topic != "surface" or not relief_in_mesh(_as_typed(settings))):
         return "BUMP"  # real relief that is not in the mesh renders the same pixels, and was called so before
     return value
@@ -118,5 +120,6 @@ def _as_typed(settings: Mapping[str, Mapping[str, Any]]) -> Settings:
 
 def _plain(name: str, value: Any) -> Any:
     """A value without newer settings in the tables of a list."""
-    keys = SCHEMA["entries"].get(name)
-    return value if keys is None else [{key: entry[key] for key in keys} for entry in value]
+    topic, _, key = present_name(name).partition(".")
+    keys = [setting.key for setting in TOPICS[topic][key].entries if not setting.since]
+    return [{key: table[key] for key in keys} for table in value] if keys else value

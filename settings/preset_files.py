@@ -13,11 +13,11 @@ from typing import Any
 from ..errors import IcyMoonError
 from ..files import is_file, quote, shorten
 from ..suggestions import nearest
-from ..typed_settings import Settings
 from ..version import version
 from .description import MIN_SIMILARITY, asking_to_update, check, merged
 from .table import TOPICS
 from .toml_text import read_toml, to_toml, toml_value
+from .topics.scene import Settings
 
 PRESETS = Path(__file__).resolve().parents[1] / "presets"
 #: Folders of presets, whole scenes first, and the titles of their kinds.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from ..typed_settings import Parts
+from .topics.declaration import Parts
 
 #: Tables of settings by topic, with what all share or what one has beside it.
 Tables = dict[str, dict[str, Any]]

@@ -11,7 +11,7 @@ from ..errors import IcyMoonError
 from ..files import read_text
 from ..plugins.landforms import PREFIX, RELEASE
 from ..support.foreign_bytes import parse_toml, path_hint
-from .table import Value
+from .topics.declaration import Value
 
 
 def toml_and_text(path: Path) -> tuple[dict[str, Any], str]:

@@ -15,8 +15,8 @@ from ..formats import mesh_file, mesh_images
 from ..paper_stand_ins.items import RECIPE, items_of
 from ..physics.arm.own_arm import arm_files
 from ..physics.light.kernels import kernel_files
-from ..typed_settings import Settings
 from .table import TOPICS
+from .topics.scene import Settings
 
 
 def used_files(settings: Settings, blend_folder: str | None = None) -> dict[str, Path]:

@@ -18,7 +18,7 @@ from ..number_text import show_rounded
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ..render.pairs.pair_folder import EYES, Pair, read_unchanged_pair
 from ..settings.description import merged
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from .images.colours import SKY_GREY, Scale, bar, depth_scale, true_depth_picture
 from .images.develop import Images, develop, to_8_bit
 from .images.disparity_and_occlusion import scene_depth

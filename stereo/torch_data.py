@@ -20,7 +20,7 @@ from ..render.pairs.scene_splits import check_splits, scene_of, split_of, splits
 from ..settings.description import check, merged
 from ..settings.preset_files import load_preset
 from ..settings.table import TOPICS
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from .images.crops import Crop, Crops, read_whole
 
 

@@ -35,7 +35,7 @@ def shipped() -> set[str]:
     for package in PYPROJECT["tool"]["setuptools"]["packages"]:
         files += ROOT.joinpath(*package.split(".")[1:]).glob("*.py")
     data = ("docs/**/*.md", "docs/*.json", "presets/**/*.toml", "presets/previews/**/*.jpg", "stereo/*/*.j2",
-            "stereo/*/*.js", "stereo/*/*.css", "stereo/*/*.toml", "stereo/*/*.lock", "nodes/*/*.osl", "settings/*.json",
+            "stereo/*/*.js", "stereo/*/*.css", "stereo/*/*.toml", "stereo/*/*.lock", "nodes/*/*.osl",
             "physics/*/*.json", "physics/*/*.csv")
     files += [path for pattern in data for path in ROOT.glob(pattern)]
     return {path.relative_to(ROOT).as_posix() for path in files}

@@ -18,7 +18,7 @@ from sources import IDS, ROOT, SOURCES, tree_of
 #: import stands. A room is a folder; a module at the root is a room by itself. All that is above has a place here.
 PURE = (
     "errors", "suggestions", "number_text", "labels", "system", "support", "files", "cache", "file_shapes", "scratch",
-    "version", "bundled_wheels", "terminal", "typed_settings", "plugins",
+    "version", "bundled_wheels", "terminal", "settings/topics", "plugins",
     "physics/rig", "physics/random_numbers", "physics/rocks", "physics/terrain/noise", "physics/terrain/roughness",
     "physics/terrain/landforms", "physics/terrain", "physics/mesh", "physics/arm", "physics/excavation",
     "physics/surfaces", "physics/light", "physics/camera", "physics", "rays",

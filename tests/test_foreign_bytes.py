@@ -397,7 +397,7 @@ ALLOWED: dict[str, str] = {
     "render/hidden_pixels.py": "read_bytes: images that Blender wrote just now",
     "render/lander_record.py": "read_bytes: an image that Blender wrote just now",
     "render/render_pair.py": "read_bytes: images that Blender wrote just now",
-    "settings/pair_ids.py": "json.loads, read_text: shipped with the program, and what this process counted",
+    "settings/pair_ids.py": "json.loads: what this process counted",
     "stereo/adapters/icymoon_serve.py": "json.loads, np.load, open: for another Python, on what we wrote",
     "stereo/adapters/mitsuba_render.py": "ElementTree.parse, read_text: for another Python, on its user's file",
     "stereo/export/training.py": "open, tarfile.open: archives that this process writes, and their checksums",

@@ -17,7 +17,7 @@ import numpy as np
 from ..formats.ply import write_triangles
 from ..render.pairs.pair_folder import Pair
 from ..settings.description import check, defaults, merged
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from .comparison import Bench
 
 #: Height of camera and Sun; both must be above the horizon, which hides the Sun from all ground.

@@ -26,8 +26,8 @@ from ..formats.png import encode_png
 from ..render.pairs.pair_folder import Pair, is_complete, read_pair
 from ..render.plans.planned_pair import expand_headings
 from ..render.workers.job import Job, render_job
+from ..settings.topics.scene import Settings
 from ..settings.user_files import content
-from ..typed_settings import Settings
 
 #: Verdicts of a row.
 AGREES, EXPLAINED, LIKELY, OFF = "agrees", "off, explained", "off, likely cause", "off"

@@ -17,8 +17,8 @@ from ..formats.ply import read_triangles, write_triangles
 from ..render.pairs.pair_folder import Pair
 from ..render.workers.process import clean_environment
 from ..settings.description import check, defaults, merged
+from ..settings.topics.scene import Settings
 from ..system import run
-from ..typed_settings import Settings
 from ..version import ROOT
 from .comparison import Bench, Comparison, Row
 

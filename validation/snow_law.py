@@ -11,7 +11,7 @@ import numpy as np
 from ..physics.surfaces import snow
 from ..settings.description import check, defaults, merged
 from ..settings.preset_files import load_preset
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from .ball import BallImage, render_ball
 from .comparison import Bench, Comparison, Row
 

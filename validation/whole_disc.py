@@ -9,7 +9,7 @@ import numpy as np
 from ..physics.surfaces import photometry
 from ..settings.description import check, defaults, merged
 from ..settings.preset_files import load_preset
-from ..typed_settings import Settings
+from ..settings.topics.scene import Settings
 from .ball import BallImage, render_ball
 from .comparison import Bench, Comparison, Row
 from .moon_albedos import preset_law

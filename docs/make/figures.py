@@ -27,9 +27,9 @@ from icymoon.physics.surfaces.hapke import bidirectional_reflectance
 from icymoon.physics.terrain import terrain as grounds
 from icymoon.physics.terrain.roughness import statistics
 from icymoon.settings import description, preset_files
+from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.measure.metrics import depth_metrics, disparity_metrics, total_metrics
 from icymoon.stereo.trade.losses import pareto_front
-from icymoon.typed_settings import Settings
 from icymoon.version import ROOT
 from matplotlib import rc_context
 from matplotlib.figure import Figure

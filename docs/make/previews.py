@@ -22,8 +22,9 @@ import numpy as np
 from icymoon.commands.render_scenes import render_settings
 from icymoon.render.workers.job import python_command
 from icymoon.settings import description, preset_files
+from icymoon.settings.topics.declaration import Parts
+from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.images.develop import Channels
-from icymoon.typed_settings import Parts, Settings
 
 #: Pixels of a preview in the usual proportion, and light paths per pixel, denoised. The sidebar shows it at a third.
 WIDTH, HEIGHT, SAMPLES = 256, 192, 32

@@ -1,6 +1,6 @@
 """The reference pages of the manual, generated from the code that they document.
 
-``pages`` returns Markdown by path below ``docs/``: settings and their ranges from ``settings/table.py``,
+``pages`` returns Markdown by path below ``docs/``: settings and their ranges from ``settings/topics/``,
 presets and their sources from the TOML files, both command lines from their parsers, matchers from
 their options, operators from their source. Needs no Blender.
 """
@@ -19,7 +19,9 @@ from typing import Any
 from icymoon.commands import cli
 from icymoon.render.plans.vary_scene import SPACINGS
 from icymoon.settings import preset_files, toml_text
-from icymoon.settings.table import OUR_TOPICS, TOPICS, Setting, ground_settings
+from icymoon.settings.table import TOPICS, ground_settings
+from icymoon.settings.topics.declaration import Setting
+from icymoon.settings.topics.scene import OUR_TOPICS
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import MATCHERS
 from icymoon.version import ROOT
@@ -62,7 +64,7 @@ def _table(heads: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
 
 def _settings() -> str:
     parts = ["# Settings\n",
-             "This page lists every setting. It is generated from `settings/table.py`, which also determines the "
+             "This page lists every setting. It is generated from `settings/topics/`, which also determine the "
              "sidebar, the TOML files, `--set` and `pair.json`. A value outside the range is refused. Sliders end at "
              "the range in brackets; type a number to go beyond. Unit 1 is a plain number. *Repeat from* is the first "
              "step that must be repeated after a change: build the scene, render or evaluate. It is empty if none "

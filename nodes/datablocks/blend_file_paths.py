@@ -8,7 +8,7 @@ import bpy
 
 from ...settings import user_files
 from ...settings.description import merged
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 
 
 def _blend_folder() -> str | None:

@@ -24,7 +24,7 @@ from ...physics.mesh.patch_hole import cut_hole, inside_loop, rim_of
 from ...physics.rocks.rocks import HeightAt
 from ...physics.terrain.terrain import Terrain
 from ...settings import changes
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from ..datablocks.blend_file_paths import content, with_absolute_files
 from .terrain_mesh import MeshedGround, mesh_ground
 

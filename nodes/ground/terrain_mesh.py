@@ -16,7 +16,8 @@ from ...physics.mesh.height_surface import Surface
 from ...physics.terrain.roughness.roughness import asked_numbers
 from ...physics.terrain.roughness.statistics import Roughness, measure, power_spectrum
 from ...physics.terrain.terrain import Terrain, law_range_m
-from ...typed_settings import Settings, TerrainSettings
+from ...settings.topics.ground import TerrainSettings
+from ...settings.topics.scene import Settings
 
 #: Attribute: distance of vertices from their neighbours in metres, if fine relief is geometry where they carry it.
 SPACING = "icymoon_spacing"

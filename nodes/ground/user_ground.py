@@ -23,8 +23,9 @@ from ...physics.mesh.height_surface import Surface
 from ...physics.mesh.mesh_heights import MeshGround
 from ...physics.surfaces.textures import uses_uv
 from ...physics.terrain.fine_detail import displace
-from ...settings.trust_boundary import NO_MARK
-from ...typed_settings import Settings, SourceSettings
+from ...settings.topics.ground import SourceSettings
+from ...settings.topics.scene import Settings
+from ...settings.topics.trust_boundary import NO_MARK
 from ..datablocks.blend_file_paths import used_files
 from . import import_heights
 from .import_mesh import read_mesh

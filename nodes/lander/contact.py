@@ -12,7 +12,7 @@ from ...physics.arm.collisions import Heights, find_self_collisions, ground_clea
 from ...physics.arm.lander_arm import arm_of, joint_values
 from ...physics.arm.lander_solids import body_capsules
 from ...physics.mesh.mesh_heights import MeshGround
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 
 #: Margin in metres around the arm within which triangles of the ground are looked at.
 _MARGIN_M = 0.05

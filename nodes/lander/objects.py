@@ -14,7 +14,7 @@ from ...physics.arm.parametric import JOINTS, lander_pose
 from ...physics.arm.solids import Solid
 from ...physics.arm.urdf import MOST_LINKS
 from ...physics.light.directions import camera_axes
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from ..datablocks.fingerprint import NAME, TAG
 from ..ground.heights_under import probe_heights
 from ..ground.terrain_mesh import build_mesh_from_arrays

@@ -18,7 +18,7 @@ from ...physics.mesh.horizon import dip_deg
 from ...physics.rig.focal_length import focal_px
 from ...physics.scene_requirements import planet_gives_light
 from ...physics.terrain.skyline import skyline_advice
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from ..datablocks.fingerprint import NAME, TAG
 from .celestial_meshes import build_planet, build_rings, build_stars
 from .planet_lamp import build_planet_light

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...typed_settings import ExcavationSettings
+from ...settings.topics.excavation import ExcavationSettings
 from ..ground.dug_ground import DEPTH, SPOIL
 from ..tree.builder import Tree, output
 from ..tree.formula import Number

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ...physics.surfaces.fractures import gap_reflectance, sight_m
-from ...typed_settings import SurfaceSettings
+from ...settings.topics.surfaces import SurfaceSettings
 from ..tree.builder import Tree, output
 from ..tree.formula import Number, Vector
 from .patches_and_grain import NOISE_DEVIATION, add_noise, add_share, threshold_for_share

@@ -13,11 +13,12 @@ from ...formats.mesh_images import MeshImage
 from ...labels import ROCK, TERRAIN, UV_LAYER
 from ...number_text import show_rounded
 from ...paper_stand_ins.cached_files import find_texture_files
-from ...paper_stand_ins.items import describe, items_of, texture_item
+from ...paper_stand_ins.items import describe, items_of
 from ...physics.scene_requirements import rendered_surface, surface_topics
 from ...physics.surfaces import principled
 from ...physics.surfaces.textures import uses_uv
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
+from ...settings.topics.stand_ins import texture_item
 from ..datablocks.blend_file_paths import used_files
 from ..datablocks.fingerprint import NAME, TAG
 from ..ground.dug_ground import DEPTH

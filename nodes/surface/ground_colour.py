@@ -11,7 +11,8 @@ from typing import Any
 
 from ...physics.light.bands import material_bands, snow_bands
 from ...physics.surfaces.albedos import albedos
-from ...typed_settings import Settings, SurfaceSettings
+from ...settings.topics.scene import Settings
+from ...settings.topics.surfaces import SurfaceSettings
 from ..tree.builder import Tree, output
 from .patches_and_grain import add_clean_share, add_stained_share
 

@@ -14,7 +14,7 @@ from typing import Any
 
 from ...physics.light.bands import bubbly_ice_bands, clear_ice_absorption_1_m
 from ...physics.surfaces.principled import diffuse_fresnel_reflectance
-from ...typed_settings import SurfaceSettings
+from ...settings.topics.surfaces import SurfaceSettings
 from ..tree.builder import Tree
 from ..tree.formula import Number
 from .patches_and_grain import (

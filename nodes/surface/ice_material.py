@@ -18,7 +18,8 @@ from ...physics.surfaces import principled
 from ...physics.surfaces.fractures import has_fractures
 from ...physics.surfaces.hapke import from_settings
 from ...settings.table import TOPICS
-from ...typed_settings import HapkeSettings, Settings, SurfaceSettings
+from ...settings.topics.scene import Settings
+from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from ..tree.builder import Tree
 from ..tree.formula import Number
 from . import dug_layers, ice_layers, reflectance_laws

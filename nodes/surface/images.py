@@ -20,8 +20,8 @@ from ...formats.tiff import stores_floats
 from ...labels import UV_LAYER
 from ...physics.mesh import texture_coordinates
 from ...physics.surfaces.textures import SIZE, make_maps
+from ...settings.topics.surfaces import TexturesSettings
 from ...support.foreign_bytes import ForeignBytes, explained, parse_part, read
-from ...typed_settings import TexturesSettings
 
 _KEY, _MEAN = "icymoon_key", "icymoon_mean"  # the key of an image, and the mean of its linear values
 _SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # mark of the part on the ground, and the mean of that part

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...labels import FACE_ATTRIBUTE
 from ...physics.mesh.fine_relief import CARRIED, OCTAVES
-from ...typed_settings import SurfaceSettings
+from ...settings.topics.surfaces import SurfaceSettings
 from ..ground.terrain_mesh import SPACING
 from ..tree.builder import Tree, output
 from ..tree.formula import Number

@@ -31,7 +31,8 @@ from ...errors import IcyMoonError
 from ...physics.surfaces import hapke as model
 from ...physics.surfaces import snow
 from ...physics.surfaces.photometry import Law, hemispherical_fit, lunar_lambert_normal_albedo
-from ...typed_settings import HapkeSettings, Settings
+from ...settings.topics.scene import Settings
+from ...settings.topics.surfaces import HapkeSettings
 from ..tree.builder import Tree
 from ..tree.formula import Number, Vector
 from . import hapke_nodes

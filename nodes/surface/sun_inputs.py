@@ -17,7 +17,7 @@ from mathutils import Matrix
 from ... import compat
 from ...errors import IcyMoonError
 from ...physics.light.directions import toward
-from ...typed_settings import LightSettings
+from ...settings.topics.light import LightSettings
 from ..datablocks.fingerprint import TAG
 from ..light.planet_lamp import MEAN, planet_inputs
 from ..light.sun_lamp import angular_diameter, irradiance_wm2

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 from ... import compat
 from ...labels import UV_LAYER
-from ...typed_settings import TexturesSettings
+from ...settings.topics.surfaces import TexturesSettings
 from ..tree.builder import Tree, output
 from .images import Map
 

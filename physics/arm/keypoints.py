@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from .lander_arm import keypoints_of
 
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from . import parametric
 from .kinematics import Arm, pose
 from .lander_solids import Keypoint, arm_keypoints, arm_solids, still_keypoints, still_solids

@@ -13,7 +13,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...typed_settings import ArmSettings, LanderSettings, Settings
+from ...settings.topics.lander import ArmSettings, LanderSettings
+from ...settings.topics.scene import Settings
 from .kinematics import Capsule, pose
 from .parametric import RADII_M
 from .solids import Solid, ball, box, join, lathe, moved, prism, rod

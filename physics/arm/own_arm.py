@@ -18,7 +18,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...files import absolute_path, shorten
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from .kinematics import Arm, Capsule, Joint, pose
 from .link_mesh import read_link_mesh
 from .solids import Solid, ball, box, join, lathe, moved

@@ -12,7 +12,8 @@ import math
 
 import numpy as np
 
-from ...typed_settings import ArmSettings, Settings
+from ...settings.topics.lander import ArmSettings
+from ...settings.topics.scene import Settings
 from .kinematics import Arm, Capsule, Joint, pose
 
 #: Joints of the arm in order, as the settings call them, and the link that each moves.

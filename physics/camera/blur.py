@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...typed_settings import RigSettings, Settings
+from ...settings.topics.camera import RigSettings
+from ...settings.topics.scene import Settings
 from ..rig.focal_length import focal_px
 
 #: Relative difference of exposure or aperture from which on a warning is given.

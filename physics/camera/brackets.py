@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...typed_settings import SensorSettings
+from ...settings.topics.camera import SensorSettings
 from .sensor import black_dn, capacity_e, gain_dn_per_e, top_dn
 
 MERGED_BITS = 16

@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...typed_settings import LightSettings, SensorSettings
+from ...settings.topics.camera import SensorSettings
+from ...settings.topics.light import LightSettings
 from ..light.bands import band_shares
 from ..light.photons import optics_m2_sr, photons_by_wavelength
 from ..light.sunlight import sun_colour

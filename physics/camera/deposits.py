@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...typed_settings import RigSettings, SensorSettings
+from ...settings.topics.camera import RigSettings, SensorSettings
 from ..random_numbers.seeds import generator
 from ..rig.focal_length import focal_px
 from .sensor import EYE_STREAMS

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...typed_settings import RigSettings
+from ...settings.topics.camera import RigSettings
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")  # in OpenCV's order
 

@@ -13,7 +13,8 @@ from dataclasses import astuple
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...typed_settings import RigSettings, Settings
+from ...settings.topics.camera import RigSettings
+from ...settings.topics.scene import Settings
 from ..light.directions import camera_axes
 from ..rocks.beyond_patch import view_beyond
 from ..rocks.rocks import euler_matrices

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...typed_settings import SensorSettings
+from ...settings.topics.camera import SensorSettings
 
 MOST_HITS = 1_000_000
 

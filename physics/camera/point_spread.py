@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...typed_settings import SensorSettings
+from ...settings.topics.camera import SensorSettings
 
 _REACH = 4.0  # standard deviations; beyond lies 6e-5 of a Gaussian
 

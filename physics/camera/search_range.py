@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from ...typed_settings import RigSettings
+from ...settings.topics.camera import RigSettings
 from ..rig.focal_length import focal_px
 
 #: Share of the camera's height that relief of unknown height may reach. Over 8 sites and 4 headings of rough ice and

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...typed_settings import SensorSettings
+from ...settings.topics.camera import SensorSettings
 from ..random_numbers.seeds import generator
 
 EYE_STREAMS = {"left": 0, "right": 1}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...typed_settings import ExcavationSettings
+from ...settings.topics.excavation import ExcavationSettings
 from ..random_numbers.seeds import generator
 from ..terrain.noise.lattice_noise import gradient_noise
 from .clods import with_clods

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ...typed_settings import RigSettings, Settings
+from ...settings.topics.camera import RigSettings
+from ...settings.topics.scene import Settings
 from ..random_numbers.seeds import generator
 from .site import is_dug
 

@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...file_shapes import read_number_lines
 from ...files import absolute_path
-from ...typed_settings import ExcavationSettings
+from ...settings.topics.excavation import ExcavationSettings
 from .cut import Pull
 
 NONE, LINE, ARC, RECORDED, JOINTS = "NONE", "LINE", "ARC", "RECORDED", "JOINTS"

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from ..arm.kinematics import Arm
 from ..arm.lander_arm import arm_of, is_own
 from ..arm.parametric import find_joint_margin

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 from ...errors import IcyMoonError
 from ...files import absolute_path
-from ...typed_settings import ExcavationSettings, Settings, typed
+from ...settings.topics.excavation import ExcavationSettings
+from ...settings.topics.scene import Settings, typed
 from ..arm.lander_arm import is_own
 from .cut import Pull, bounds_of
 from .grid import Grid, covering
@@ -97,7 +98,7 @@ def _joint_site(key: str, gravity: float, _states: tuple[tuple[int, int] | None,
 
 @functools.lru_cache(maxsize=16)
 def _site(key: str, gravity: float, _state: tuple[int, int] | None) -> Site:
-    excavation = ExcavationSettings(json.loads(key))
+    excavation = ExcavationSettings.from_values(json.loads(key))
     pulls = tuple(map(tuple, make_pulls(excavation)))
     every = [pull for each in pulls for pull in each]
     if not every:  # one state only: where the first bite would be

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from ...typed_settings import LightSettings
+from ...settings.topics.light import LightSettings
 from .ephemeris import site_frame
 
 #: Angle on the body between two places, in degrees, by which their skies differ too; less is no other site.

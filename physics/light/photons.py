@@ -10,7 +10,8 @@ import math
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...typed_settings import LightSettings, RigSettings, SensorSettings
+from ...settings.topics.camera import RigSettings, SensorSettings
+from ...settings.topics.light import LightSettings
 
 # CODATA 2018, exact.
 PLANCK_J_S = 6.62607015e-34

@@ -14,7 +14,8 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...files import absolute_path
-from ...typed_settings import LightSettings, Settings
+from ...settings.topics.light import LightSettings
+from ...settings.topics.scene import Settings
 from . import ephemeris, spice
 from .bodies import BODIES
 from .directions import toward

@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from ..terrain.landforms import Walls
 from ..terrain.noise.lattice_noise import hash_lattice, to_uniform
 from .split_triangles import split_sides

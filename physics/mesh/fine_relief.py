@@ -17,7 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...number_text import show_rounded
-from ...typed_settings import RigSettings, Settings, SurfaceSettings
+from ...settings.topics.camera import RigSettings
+from ...settings.topics.scene import Settings
+from ...settings.topics.surfaces import SurfaceSettings
 from ..rig.focal_length import focal_px
 
 #: Octaves of fine relief, each of half the wavelength and half the height of the one before.

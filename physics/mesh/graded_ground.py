@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ...typed_settings import RigSettings, Settings
+from ...settings.topics.camera import RigSettings
+from ...settings.topics.scene import Settings
 from ..rig.seen_points import is_seen
 from ..terrain.landforms import Walls
 from ..terrain.terrain import Terrain

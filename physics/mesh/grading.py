@@ -19,7 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from ...typed_settings import RigSettings, Settings
+from ...settings.topics.camera import RigSettings
+from ...settings.topics.scene import Settings
 from ..rig.seen_points import is_seen
 from ..terrain.terrain import Terrain
 from .fine_relief import FineRelief, relief_in_mesh

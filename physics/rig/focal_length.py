@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from ...typed_settings import RigSettings
+from ...settings.topics.camera import RigSettings
 
 
 def focal_px(rig: RigSettings) -> float:

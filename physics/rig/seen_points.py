@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...typed_settings import RigSettings
+from ...settings.topics.camera import RigSettings
 from .focal_length import focal_px
 
 #: Share of the image by which what the cameras see is taken larger: tilted ground, eyes that turn or move.

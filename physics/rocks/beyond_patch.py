@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...typed_settings import RocksSettings, Settings
+from ...settings.topics.rocks import RocksSettings
+from ...settings.topics.scene import Settings
 from ..rig.focal_length import focal_px
 from .size_laws import SizeLaw, size_law
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from ...files import absolute_path
-from ...typed_settings import RocksSettings
+from ...settings.topics.rocks import RocksSettings
 from ..random_numbers.seeds import generator
 from .beyond_patch import View, draw_beyond
 from .shapes import Shape

@@ -22,7 +22,7 @@ from typing import Protocol
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...typed_settings import RocksSettings
+from ...settings.topics.rocks import RocksSettings
 
 _TABLE = 8192  # nodes of Golombek's law; the trapezoidal rule is then within 1e-6
 

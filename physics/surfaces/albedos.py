@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache, partial
 from typing import NamedTuple
 
-from ...typed_settings import HapkeSettings, SurfaceSettings
+from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from . import photometry
 from .hapke import HapkeParameters, bidirectional_reflectance, from_settings
 from .snow import snow_law

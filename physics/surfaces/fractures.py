@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...typed_settings import SurfaceSettings
+from ...settings.topics.surfaces import SurfaceSettings
 
 
 def gap_reflectance(cosine: np.ndarray | float, refractive_index: float) -> np.ndarray:

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...typed_settings import HapkeSettings
+from ...settings.topics.surfaces import HapkeSettings
 
 Array = np.ndarray
 

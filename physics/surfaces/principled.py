@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ...typed_settings import SurfaceSettings
+from ...settings.topics.surfaces import SurfaceSettings
 
 #: The measured tables by the Blender that they were measured with; which one holds, ``use_table`` chooses.
 TABLES = {"4.2": "principled_4_2.json", "5.0": "principled.json", "5.2": "principled_5_2.json"}

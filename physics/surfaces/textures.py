@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...typed_settings import TexturesSettings
+from ...settings.topics.surfaces import TexturesSettings
 from ..random_numbers.seeds import generator
 
 SETS = ("FROST", "GRAINS", "CRACKS")

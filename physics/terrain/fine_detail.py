@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from ..random_numbers.seeds import ground_generator
 from .noise.lattice_noise import gradient_noise_3d
 from .roughness.roughness import RELIEF_SPAN, amplitudes, carried_share, wavelengths_m

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...typed_settings import HillsSettings, TerrainLayer
+from ...settings.topics.ground import HillsSettings, TerrainLayer
 from .landforms.common import Landform, only_where, smooth_step
 from .layers import MOST_OCTAVES, Layer, make_layer
 from .roughness.roughness import LAW_TO
@@ -80,8 +80,8 @@ def _make_surface(settings: HillsSettings, random: np.random.Generator) -> Layer
 
 
 def _make_layer(fractal: str, largest_m: float, octaves: int, roughness: float, random: np.random.Generator) -> Layer:
-    entry = TerrainLayer(basis="GRADIENT", fractal=fractal, amplitude_m=1.0, scale_m=largest_m, octaves=octaves,
-                         lacunarity=_LACUNARITY, roughness=roughness, warp_m=_WARP * largest_m)
+    entry = TerrainLayer(basis="GRADIENT", amplitude_m=1.0, scale_m=largest_m, octaves=octaves,
+                         lacunarity=_LACUNARITY, roughness=roughness, warp_m=_WARP * largest_m) | {"fractal": fractal}
     made = make_layer(entry, random)
     assert made is not None
     return made

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...typed_settings import TerrainLayer
+from ...settings.topics.ground import TerrainLayer
 from .noise.bases_and_fractals import BASES, FRACTALS
 from .noise.lattice_noise import gradient_noise
 from .roughness.roughness import carried_share

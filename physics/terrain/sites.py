@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from ..rocks.beyond_patch import view_beyond
 from ..rocks.rocks import Rocks, euler_matrices, scatter
 from ..rocks.shapes import Shape, make_rock_shapes

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from .terrain import Terrain, make_terrain
 
 #: Ratio of the distances at which the skyline is looked for: steps are a tenth of the narrowest hill there or less.

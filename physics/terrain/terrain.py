@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ...typed_settings import Settings, TerrainSettings
+from ...settings.topics.ground import TerrainSettings
+from ...settings.topics.scene import Settings
 from ..random_numbers.seeds import ground_generator
 from .hills import make_hills
 from .landforms import MAKERS, Landform, make_plugin_landforms

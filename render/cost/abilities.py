@@ -10,7 +10,8 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...number_text import count_of
 from ...physics.scene_requirements import surface_topics
-from ...typed_settings import QualitySettings, Settings
+from ...settings.topics.rendering import QualitySettings
+from ...settings.topics.scene import Settings
 from ..workers.job import blender_command
 from ..workers.process import Process
 

@@ -17,7 +17,6 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...labels import IMAGE_PASS, NORMAL_PASS, rounded_passes
 from ...number_text import count_of
-from ...paper_stand_ins.items import mesh_item
 from ...physics.scene_requirements import (
     image_quality,
     is_baked,
@@ -26,8 +25,9 @@ from ...physics.scene_requirements import (
     surface_topics,
 )
 from ...settings import changes
+from ...settings.topics.scene import Settings
+from ...settings.topics.stand_ins import mesh_item
 from ...system import count_processors
-from ...typed_settings import Settings
 from ..pairs.pair_folder import StereoCamera, is_complete, read_pair
 from ..plans.indirect import bake_seconds, light_bytes, light_key
 from ..plans.order import MOST_SCENES, cut_into_jobs, ordered, settings_key, usual_workers

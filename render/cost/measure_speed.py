@@ -10,8 +10,8 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...file_shapes import NUMBER, TEXT, read_record
 from ...settings.description import defaults, merged
+from ...settings.topics.scene import Settings
 from ...system import count_processors
-from ...typed_settings import Settings
 from ..plans.triangles import count_triangles
 from ..workers.job import Job, render_job
 from ..workers.process import Message

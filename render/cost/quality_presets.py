@@ -12,7 +12,7 @@ from ...physics.scene_requirements import is_baked
 from ...settings.description import merged
 from ...settings.preset_files import load, preset_header, preset_names, preset_path
 from ...settings.toml_text import read_toml
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from ..plans.indirect import bake_seconds, settle_indirect
 from .abilities import Abilities, lack_for
 from .estimate import duration_text, spread_before, work_of

@@ -26,7 +26,7 @@ from ...physics.scene_requirements import (
 from ...physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from ...physics.surfaces.photometry import hemispherical_albedo
 from ...settings.description import merged
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from ..plans.indirect import bake_seconds
 from .abilities import Abilities, lack_for
 from .estimate import work_of

@@ -44,7 +44,8 @@ from ...physics.light.scene_sun import SceneSun, from_json
 from ...physics.rig.focal_length import focal_px
 from ...settings.changes import response
 from ...settings.description import Restorer, merged, restored
-from ...typed_settings import RigSettings, Settings
+from ...settings.topics.camera import RigSettings
+from ...settings.topics.scene import Settings
 from .our_files import check_no_link, checked_id, is_regular
 from .statements import find_contradictions
 from .workspace_cells import WORKSPACE_FILE

@@ -22,7 +22,7 @@ from ...physics.excavation.jitter import jittered_rig
 from ...physics.light.directions import camera_axes, toward
 from ...physics.light.scene_sun import described_by, from_json
 from ...physics.light.sky import azimuth_deg, elevation_deg, sky, sky_facts
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from .workspace_cells import describe_workspace
 
 #: Settings have eight digits, and a focal length is made of three.

@@ -22,8 +22,8 @@ from ...settings.pair_ids import make_counter
 from ...settings.preset_files import beside
 from ...settings.table import TOPICS, all_settings
 from ...settings.table_texts import Texts
+from ...settings.topics.scene import Settings
 from ...settings.user_files import content, used_files
-from ...typed_settings import Settings
 from . import poses, sweeps
 from .indirect import choose_indirect
 from .own_files import list_files, replace_stand_ins

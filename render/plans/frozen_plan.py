@@ -20,8 +20,8 @@ from ...number_text import count_of
 from ...settings.description import asking_to_update, changed, check, overlaid, restored
 from ...settings.pair_ids import counts, value_in_id
 from ...settings.table import all_settings
+from ...settings.topics.scene import Settings
 from ...support.foreign_bytes import parse_json, reason_of
-from ...typed_settings import Settings
 from ...version import version
 from ..pairs.our_files import checked_id
 from ..pairs.pair_folder import is_complete

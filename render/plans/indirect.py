@@ -15,7 +15,6 @@ from functools import lru_cache
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...paper_stand_ins.items import mesh_item
 from ...physics.light.baked_rocks import POINTS
 from ...physics.mesh.grading import grade
 from ...physics.rig.seen_points import is_seen
@@ -26,7 +25,10 @@ from ...physics.scene_requirements import can_be_baked, direct_quality, images_p
 from ...physics.terrain.terrain import make_terrain
 from ...settings import changes
 from ...settings.description import merged
-from ...typed_settings import QualitySettings, RigSettings, Settings
+from ...settings.topics.camera import RigSettings
+from ...settings.topics.rendering import QualitySettings
+from ...settings.topics.scene import Settings
+from ...settings.topics.stand_ins import mesh_item
 from ..pairs.pair_folder import StereoCamera
 from .triangles import count_triangles
 
@@ -129,7 +131,7 @@ def _count_corners(settings: Settings) -> float:
 @lru_cache(maxsize=256)
 def _share_seen(size_m: float, points: int, rig_items: tuple[tuple[str, float], ...]) -> float:
     """Share of a level square of so many metres, of which so many points along a side are tried, that a rig sees."""
-    rig = RigSettings(rig_items)
+    rig = RigSettings.from_values(rig_items)
     across = np.linspace(-size_m / 2, size_m / 2, points)
     east, north = (each.ravel() for each in np.meshgrid(across - rig.x_m, across - rig.y_m))
     return float(is_seen(rig, east, north, np.full(len(east), -rig.height_m)).mean())

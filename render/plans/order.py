@@ -11,8 +11,9 @@ from collections.abc import Callable, Sequence
 from itertools import groupby, pairwise
 
 from ...settings import changes
+from ...settings.topics.declaration import Parts
+from ...settings.topics.scene import Settings
 from ...system import count_processors
-from ...typed_settings import Parts, Settings
 from .planned_pair import PlannedPair
 
 _STAGES: tuple[Callable[[Settings], Parts], ...] = (

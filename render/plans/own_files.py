@@ -9,8 +9,9 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...formats import mesh_images
 from ...formats.mesh_file import FORMATS
-from ...paper_stand_ins.items import MeshItem, TextureItem, items_of
-from ...typed_settings import Settings
+from ...paper_stand_ins.items import items_of
+from ...settings.topics.scene import Settings
+from ...settings.topics.stand_ins import MeshItem, TextureItem
 from .planned_pair import PlannedPair
 
 #: Images of a texture by what follows the name; the albedo is also that without anything.

@@ -8,7 +8,7 @@ from pathlib import Path
 from ...physics.camera.blur import blur_identity
 from ...physics.random_numbers.seeds import stream
 from ...settings.description import digest, merged
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from .indirect import choose_indirect
 
 

@@ -19,7 +19,7 @@ from ...number_text import count_of
 from ...physics.light.directions import toward
 from ...physics.refused_scenes import LOWEST_M
 from ...physics.terrain.sites import RockyGround
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from .planned_pair import turned_heading_deg
 from .sweeps import Sweep, Variation, axis_generator, check_keys, check_pair_count, check_settings, read_count
 

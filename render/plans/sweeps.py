@@ -19,9 +19,10 @@ from ...physics.random_numbers import sampling
 from ...physics.random_numbers.seeds import generator
 from ...settings.description import check, merged, nearest_topic
 from ...settings.preset_files import load, preset_path
-from ...settings.table import TOPICS, Setting
+from ...settings.table import TOPICS
+from ...settings.topics.declaration import Parts, Setting
+from ...settings.topics.scene import Settings
 from ...suggestions import nearest
-from ...typed_settings import Parts, Settings
 
 #: Kinds of sweeps that vary settings; ``poses.KINDS`` are the others.
 KINDS = ("grid", "one_at_a_time", "cases", "random", "sobol", "latin_hypercube")

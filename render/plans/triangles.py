@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from ...formats import mesh_file
-from ...paper_stand_ins.items import mesh_item
 from ...physics.mesh.grading import grade
 from ...physics.terrain.terrain import make_terrain
+from ...settings.topics.scene import Settings
+from ...settings.topics.stand_ins import mesh_item
 from ...settings.user_files import used_files
-from ...typed_settings import Settings
 
 
 def count_triangles(settings: Settings) -> float:

@@ -18,10 +18,11 @@ from ...files import shorten
 from ...formats.toml_lines import Place
 from ...number_text import count_of
 from ...settings.description import check, merged
-from ...settings.table import TOPICS, Setting, all_settings
+from ...settings.table import TOPICS, all_settings
 from ...settings.toml_text import to_toml, toml_value
+from ...settings.topics.declaration import Parts, Setting
+from ...settings.topics.scene import Settings
 from ...suggestions import nearest
-from ...typed_settings import Parts, Settings
 from ...version import version
 from . import sweeps
 from .combine import seeds_of

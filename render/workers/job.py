@@ -13,8 +13,8 @@ from ...files import absolute_path, explain_disk_errors
 from ...scratch import make_scratch_folder
 from ...settings.description import Restorer
 from ...settings.shared_settings import find_shared, with_shared, without_shared
+from ...settings.topics.scene import Settings
 from ...system import is_python, remove_folder
-from ...typed_settings import Settings
 from ...version import ROOT
 from ..pairs.our_files import checked_id
 from ..plans.planned_pair import PlannedPair

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 
 #: Bytes of memory, about: of a vertex with its faces in Blender and in Cycles; of a pixel in both eyes' passes; per
 #: byte of a mesh or height map while it is read, repaired and meshed.

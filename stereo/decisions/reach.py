@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...physics.arm.parametric import arm_of, find_joint_margin
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 
 #: Margin of every joint while nothing states an arm: more than any rule asks for.
 _ANYWHERE_DEG = 180.0

@@ -29,7 +29,7 @@ from ...render.workers.job import Job, blender_command
 from ...render.workers.process import Message, Process
 from ...scratch import scratch_folder
 from ...settings import changes
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 
 _GEOMETRY = "geometry.json"
 FORMATS = ("dem", "ply", "obj", "usd", "gltf")

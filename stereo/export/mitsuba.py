@@ -29,7 +29,8 @@ from ...physics.surfaces.hapke import porosity_factor
 from ...render.pairs.pair_folder import EYES, Pair
 from ...render.plans.planned_pair import PlannedPair
 from ...render.workers.process import Message
-from ...typed_settings import Settings, SurfaceSettings
+from ...settings.topics.scene import Settings
+from ...settings.topics.surfaces import SurfaceSettings
 from ...version import ROOT
 from .encodings import write_pfm
 from .ground import build_geometry, refuse_edited

@@ -14,7 +14,7 @@ from ...errors import IcyMoonError
 from ...files import write_atomically
 from ...render.pairs.scene_splits import split_of_pair
 from ...settings.table import all_settings
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from ..measure.prepare import Loaded
 from .losses import Each
 from .training import describe_row

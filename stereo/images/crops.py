@@ -11,7 +11,8 @@ from ...labels import GROUP_PASSES
 from ...physics.camera.sensor import exposure_of_level, metered_level
 from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair, StereoCamera
-from ...typed_settings import SensorSettings, Settings
+from ...settings.topics.camera import SensorSettings
+from ...settings.topics.scene import Settings
 from .develop import Channels, Images, develop, grey, scaled_radiance
 from .disparity_and_occlusion import scene_depth, visible_in_right
 from .exr import NORMAL_PASSES, OBJECT_PASSES, Light, Truth, read_light, read_truth, read_view

@@ -31,7 +31,9 @@ from ...physics.camera.sensor import (
 )
 from ...physics.light.photons import electron_rate, pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair, StereoCamera
-from ...typed_settings import LightSettings, SensorSettings, Settings
+from ...settings.topics.camera import SensorSettings
+from ...settings.topics.light import LightSettings
+from ...settings.topics.scene import Settings
 from .demosaic import demosaic
 from .exr import Light
 from .lens import Lens, lens_of

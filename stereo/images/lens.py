@@ -14,7 +14,7 @@ import numpy as np
 
 from ...physics.camera.lens_distortion import coefficients, distort, refuse_folds, undistort
 from ...render.pairs.pair_folder import StereoCamera
-from ...typed_settings import RigSettings
+from ...settings.topics.camera import RigSettings
 
 
 @dataclass(frozen=True)

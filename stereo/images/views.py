@@ -11,7 +11,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...labels import GROUP_PASSES
 from ...render.pairs.pair_folder import Pair
-from ...typed_settings import RigSettings
+from ...settings.topics.camera import RigSettings
 from . import exr
 from .disparity_and_occlusion import scene_depth
 from .exr import Light, Truth, View, read_light, read_truth, read_view
@@ -72,7 +72,7 @@ def _on_parallel_rig(light: Light, pair: Pair, eye: str) -> tuple[np.ndarray, di
 
 def _turn_to_parallel(pair: Pair, eye: str) -> Callable[[np.ndarray], np.ndarray]:
     """A function that puts an image of an eye's rendered pixels on the parallel rig."""
-    plain = RigSettings({f"distortion_{name}": 0.0 for name in ("k1", "k2", "p1", "p2", "k3")})
+    plain = RigSettings.from_values({f"distortion_{name}": 0.0 for name in ("k1", "k2", "p1", "p2", "k3")})
     lens = lens_of(pair.camera, plain, eye)
     return pair.camera.cropped if lens is None else lens.rectify_radiance
 

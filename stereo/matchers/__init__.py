@@ -26,7 +26,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...plugins.installed import Found, Plugin, find
 from ...render.pairs.pair_folder import StereoCamera
-from ...settings.trust_boundary import OWN
+from ...settings.topics.trust_boundary import OWN
 from ...suggestions import nearest
 from ..images.image_values import describe_size, to_8_bit, to_grey
 from ..measure.costs import COSTS

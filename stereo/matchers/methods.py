@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ...errors import IcyMoonError
-from ...settings.trust_boundary import OWN, OWN_NAME, listed, split_option
+from ...settings.topics.trust_boundary import OWN, OWN_NAME, listed, split_option
 from ...suggestions import nearest
 from . import TITLES, check_options, matcher_names, option_keys
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from ...errors import IcyMoonError
 from ...files import quote
-from ...settings.trust_boundary import LOADS
+from ...settings.topics.trust_boundary import LOADS
 from ...suggestions import nearest
 
 

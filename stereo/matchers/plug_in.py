@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...plugins.installed import Plugin, explained, function_of, load, source_files, summary_of
 from ...render.pairs.pair_folder import StereoCamera
-from ...settings.trust_boundary import LOADS
+from ...settings.topics.trust_boundary import LOADS
 from .opencv import SEARCH_RANGE, settle_range
 from .options import Option
 from .result import Result

@@ -17,7 +17,7 @@ from ...errors import IcyMoonError
 from ...physics.camera.nearest_ground import greatest_disparity_px
 from ...physics.camera.search_range import disparity_range_px
 from ...physics.rig.focal_length import focal_px
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 
 AUTO, TRUTH = "auto", "truth"
 #: What ``SearchRange.source`` may be: whoever reads a result learns from it where the range comes from.

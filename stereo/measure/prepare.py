@@ -24,7 +24,7 @@ from ...render.pairs.pair_folder import (
     read_unchanged_pair,
 )
 from ...settings.description import merged
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from ..images import colours
 from ..images.develop import Channels, Images, develop, exposure_facts, grey, scaled_radiance
 from ..images.disparity_and_occlusion import ESTIMATED, RAYS, scene_depth

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ...settings.table import TOPICS, all_settings
-from ...typed_settings import Parts
+from ...settings.topics.declaration import Parts
 from .scene_intervals import intervals
 from .summary import Table
 

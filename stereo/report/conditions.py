@@ -12,7 +12,7 @@ import numpy as np
 
 from ...settings.preset_files import KINDS, is_whole, load_preset, preset_header, preset_names
 from ...settings.table import TOPICS
-from ...typed_settings import Parts
+from ...settings.topics.declaration import Parts
 from .by_setting import SCENE, Sweep
 
 #: Most conditions that results are given for.

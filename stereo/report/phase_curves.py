@@ -9,7 +9,8 @@ import numpy as np
 
 from ...physics import scene_requirements
 from ...physics.surfaces import albedos, photometry
-from ...typed_settings import HapkeSettings, SurfaceSettings, typed
+from ...settings.topics.scene import typed
+from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
 
 #: Most laws that are drawn.
 MOST = 6

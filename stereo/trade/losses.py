@@ -21,7 +21,7 @@ from ...errors import IcyMoonError
 from ...physics.scene_requirements import images_per_bake
 from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.description import merged
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from ..decisions.rules import Rules
 from ..images.develop import develop, grey
 from ..images.exr import Light

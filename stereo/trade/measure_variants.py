@@ -19,7 +19,7 @@ from ...render.cost.variants import GROUPS, SHAPES, Variant, reference, variants
 from ...render.workers.job import Job, render_job
 from ...render.workers.process import Message
 from ...settings.description import changed, defaults, merged
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from ...version import version
 from ..environment import packages
 

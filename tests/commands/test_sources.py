@@ -6,7 +6,7 @@ import pytest
 from icymoon.commands.sources import BY_HAND, DEFAULT, find_origins
 from icymoon.errors import IcyMoonError
 from icymoon.settings import description, preset_files, toml_text
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 
 
 def described(*presets: str, **changes: dict) -> Settings:

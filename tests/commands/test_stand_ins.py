@@ -6,9 +6,9 @@ import pytest
 from icymoon.commands import cli
 from icymoon.commands.sources import STAND_IN, find_origins
 from icymoon.paper_stand_ins import cached_files
-from icymoon.paper_stand_ins.items import MESHES, TEXTURES
 from icymoon.paper_stand_ins.texture_maps import make_maps
 from icymoon.settings.description import check, defaults, merged
+from icymoon.settings.topics.stand_ins import MESHES, TEXTURES
 
 
 def test_all_are_listed_with_the_papers_names(capsys):

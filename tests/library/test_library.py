@@ -24,10 +24,8 @@ from icymoon.physics.mesh.height_map import place_map
 from icymoon.physics.rocks.table import read_table
 from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.render.plans.planned_pair import expand_headings
-from icymoon.settings import overrides
-from icymoon.settings.table import TOPICS
+from icymoon.settings.topics.scene import Settings
 from icymoon.settings.user_files import content
-from icymoon.typed_settings import Settings
 from icymoon.version import ROOT
 
 SMALL: Any = {"rig": {"width_px": 64, "height_px": 48}, "terrain": {"resolution": 33, "size_m": 20.0},
@@ -245,10 +243,6 @@ def test_a_sweep_goes_on_where_it_was_stopped(tmp_path):
 def test_a_sweep_that_cannot_be_is_refused_before_anything_is_rendered(tmp_path, vary, words):
     with pytest.raises(IcyMoonError, match=words):
         icymoon.Sweep(Scene(), tmp_path, vary)
-
-
-def test_every_topic_has_types_for_changes():
-    assert set(overrides.Overrides.__annotations__) == set(TOPICS)
 
 
 def test_the_reference_page_has_every_name_and_every_member_is_described():

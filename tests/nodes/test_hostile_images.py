@@ -14,7 +14,7 @@ from exr_files import attribute, channel, exr, window
 from icymoon.errors import IcyMoonError
 from icymoon.nodes.ground.import_heights import read_heights
 from icymoon.nodes.surface.images import load_maps
-from icymoon.typed_settings import TexturesSettings
+from icymoon.settings.topics.surfaces import TexturesSettings
 from rendering import complete
 
 

@@ -7,7 +7,8 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 import pytest
-from icymoon.settings.table import LANDFORMS, TOPICS
+from icymoon.settings.table import TOPICS
+from icymoon.settings.topics.declaration import LANDFORMS
 from mathutils import Vector
 
 SMALL = {"size_m": 8.0, "resolution": 65}

@@ -19,7 +19,7 @@ from icymoon.operators.render import bring_up_to_date, planned_pairs
 from icymoon.panels import sidebar
 from icymoon.render.worker import render_pairs
 from icymoon.settings import change_announcements, description
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 from panel_drawing import drawn, texts
 
 SIDE = 33

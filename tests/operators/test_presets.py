@@ -13,7 +13,7 @@ from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import previews, sidebar
 from icymoon.settings import description, preset_files, toml_text
 from icymoon.settings.description import merged
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 from panel_drawing import drawn, texts
 
 NEWER = "9.0.0"

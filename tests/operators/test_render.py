@@ -15,7 +15,7 @@ from icymoon.files import sha256
 from icymoon.operators import render
 from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.render.workers.job import Job, blender_command, read_job
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 
 
 @pytest.fixture

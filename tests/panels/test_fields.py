@@ -11,7 +11,6 @@ from icymoon import operators
 from icymoon.operators import jobs, sidebar_text
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import fields
-from icymoon.panels.relevance import is_shown
 from icymoon.settings.table import TOPICS, all_settings
 from panel_drawing import Layout, drawn
 from stand_ins import stand_in
@@ -158,7 +157,7 @@ def test_fields_are_found_once_for_the_same_settings_and_anew_after_a_change(sce
     for model in ("LAMBERT", "HAPKE", "PRINCIPLED"):
         scene.icymoon.surface.model = model
         shown = [each.setting.key for each in fields.find_fields(scene.icymoon, "surface", keys)]
-        assert shown == [key for key in keys if is_shown("surface", key, scene.icymoon)]
+        assert shown == [key for key in keys if TOPICS["surface"].is_shown(key, scene.icymoon)]
 
 
 def icons_of_buttons(draw, monkeypatch, width: int) -> dict[str, str]:

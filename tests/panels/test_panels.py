@@ -16,8 +16,9 @@ from icymoon.commands.doctor import PLUGINS, Finding
 from icymoon.operators import evaluate, evaluator, jobs, sidebar_text
 from icymoon.operators.presets import preset_items
 from icymoon.operators.sidebar_text import LINE
-from icymoon.panels import CLASSES, menu, sections, sidebar
+from icymoon.panels import CLASSES, menu, sidebar
 from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.topics.declaration import ELSEWHERE
 from icymoon.stereo.matchers import TITLES
 from icymoon.stereo.report.table_columns import RANKING
 from panel_drawing import Layout, drawn, texts
@@ -163,8 +164,8 @@ def test_each_moon_has_a_button_and_that_of_the_scene_is_pressed(scene, monkeypa
 
 
 def test_a_panel_begins_with_what_turns_the_others_on():
-    assert sections.main_settings("rocks")[0] == "coverage"
-    assert sections.main_settings("light")[:3] == ("directions_from", "sun_elevation_deg", "sun_azimuth_deg")
+    assert TOPICS["rocks"].main_keys[0] == "coverage"
+    assert TOPICS["light"].main_keys[:3] == ("directions_from", "sun_elevation_deg", "sun_azimuth_deg")
 
 
 @pytest.mark.parametrize(("sentence", "said"), [
@@ -225,14 +226,16 @@ def test_the_panels_follow_the_work_from_top_to_bottom():
 
 def test_a_panel_opens_with_few_settings():
     """Six at most, and what few scenes change comes last, under Advanced."""
-    long = {key: main for key, topic in TOPICS.items() if not topic.parent and key not in sections.INSIDE
-            and len(main := sections.main_settings(key)) > 6 and key != "light"}
+    long = {key: main for key, topic in TOPICS.items() if not topic.parent and not topic.inside
+            and len(main := topic.main_keys) > 6 and key != "light"}
     assert long == {}
     # Of these of Light, one, two or five are shown at once.
     dated = {"body", "date_utc", "latitude_deg", "longitude_deg", "kernels"}
-    assert len(set(sections.main_settings("light")) - dated) <= 4
-    for topic in {section.topic for section in sections.SECTIONS}:
+    assert len(set(TOPICS["light"].main_keys) - dated) <= 4
+    for topic in TOPICS:
         within: list[Any] = [cls for cls in CLASSES if getattr(cls, "bl_parent_id", "") == f"ICYMOON_PT_{topic}"]
+        if not within:
+            continue
         last = max(within, key=lambda cls: getattr(cls, "bl_order", 0)).bl_label
         assert last.startswith("Advanced") or not any(cls.bl_label.startswith("Advanced") for cls in within)
         assert "Advanced" not in [cls.bl_label for cls in within]  # but of what
@@ -251,8 +254,8 @@ def test_a_quality_is_a_button_and_a_message_has_the_labels_of_settings(scene, m
 
 def test_a_setting_has_one_place():
     for topic in TOPICS.values():
-        parts = [sections.main_settings(topic.key), sections.ELSEWHERE.get(topic.key, ()),
-                 *((*s.settings, *([s.switch] if s.switch else [])) for s in sections.SECTIONS if s.topic == topic.key)]
+        parts = [topic.main_keys, topic.keys_in(ELSEWHERE),
+                 *((*topic.keys_in(s), *([s.switch] if s.switch else [])) for s in topic.sections)]
         assert sorted(key for part in parts for key in part) == sorted(s.key for s in topic.settings)
 
 

@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from icymoon.panels.relevance import has_effect, is_shown
 from icymoon.physics.camera.blur import MOTION, blur_of
 from icymoon.physics.camera.brackets import exposure_times
 from icymoon.physics.camera.colour import channel_rates
@@ -15,7 +14,8 @@ from icymoon.physics.camera.sensor import exposure_s
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from icymoon.physics.terrain.fine_detail import displace
 from icymoon.settings.description import defaults, merged
-from icymoon.settings.table import LANDFORMS, TOPICS
+from icymoon.settings.table import TOPICS
+from icymoon.settings.topics.declaration import LANDFORMS
 
 #: Other values of the numbers of Hapke's law.
 OTHERS = {"w": 0.5, "b": 0.2, "c": 0.6, "b_s0": 0.9, "h_s": 0.05, "b_c0": 0.7, "h_c": 0.03, "theta_bar_deg": 20.0,
@@ -32,7 +32,7 @@ def relevant(topic: str, state: dict[str, dict] | None = None) -> set[str]:
     """The settings of a topic that are neither hidden nor grey."""
     of_scene = root(**(state or {}))
     return {setting.key for setting in TOPICS[topic].settings
-            if is_shown(topic, setting.key, of_scene) and has_effect(topic, setting.key, of_scene)}
+            if TOPICS[topic].is_shown(setting.key, of_scene) and TOPICS[topic].has_effect(setting.key, of_scene)}
 
 
 @pytest.mark.parametrize("state", [
@@ -46,7 +46,7 @@ def test_a_number_of_hapke_s_law_is_grey_where_another_changes_no_brightness(sta
         return bidirectional_reflectance(incidence, emission, azimuth, law)
 
     acts = bool(np.any(brightness(**{key: OTHERS[key]}) != brightness()))
-    assert has_effect("hapke", key, root(hapke=state)) == acts
+    assert TOPICS["hapke"].has_effect(key, root(hapke=state)) == acts
 
 
 @pytest.mark.parametrize("state", [
@@ -66,7 +66,8 @@ def test_a_setting_of_exposure_or_radiation_is_hidden_or_grey_where_it_changes_n
 @pytest.mark.parametrize("flux", [0.5, 1e5])
 def test_radiation_and_what_depends_on_nothing_is_never_grey(flux):
     state = {"sensor": {"auto_exposure": False, "brackets": 3, "radiation_flux_cm2_s": flux}}
-    shown = {setting.key for setting in TOPICS["sensor"].settings if is_shown("sensor", setting.key, root(**state))}
+    sensor = TOPICS["sensor"]
+    shown = {setting.key for setting in sensor.settings if sensor.is_shown(setting.key, root(**state))}
     assert relevant("sensor", state) == shown
 
 
@@ -74,7 +75,7 @@ def test_radiation_and_what_depends_on_nothing_is_never_grey(flux):
 def test_only_the_exposure_that_is_used_is_shown(automatic):
     of_scene = root(sensor={"auto_exposure": automatic})
     for key in ("auto_percentile", "auto_target", "exposure_s"):
-        assert is_shown("sensor", key, of_scene) == (automatic == (key != "exposure_s"))
+        assert TOPICS["sensor"].is_shown(key, of_scene) == (automatic == (key != "exposure_s"))
 
 
 @pytest.mark.parametrize("colour", ["MONO", "BAYER"])
@@ -86,7 +87,7 @@ def test_a_setting_of_glass_or_filters_is_hidden_where_it_changes_no_light(colou
     def rates(**changes):
         return channel_rates(defaults().light, defaults().sensor | {"colour": colour} | changes, 1e-5).tolist()
 
-    assert is_shown("sensor", key, root(sensor={"colour": colour})) == (rates(**{key: other}) != rates())
+    assert TOPICS["sensor"].is_shown(key, root(sensor={"colour": colour})) == (rates(**{key: other}) != rates())
 
 
 def test_sizes_of_clods_are_grey_without_clods():
@@ -95,10 +96,10 @@ def test_sizes_of_clods_are_grey_without_clods():
 
 
 def test_the_exposure_of_a_motion_is_grey_unless_something_moves():
-    assert not has_effect("rig", "motion_exposure_s", root())
+    assert not TOPICS["rig"].has_effect("motion_exposure_s", root())
     for moving in MOTION:
         for speed in (-0.5, 0.5):
-            assert has_effect("rig", "motion_exposure_s", root(rig={moving: speed}))
+            assert TOPICS["rig"].has_effect("motion_exposure_s", root(rig={moving: speed}))
             assert blur_of(merged(defaults(), {"rig": {moving: speed, "motion_exposure_s": 0.1}})) is not None
 
 
@@ -106,8 +107,8 @@ def test_the_exposure_of_a_motion_is_grey_unless_something_moves():
     ({}, True), ({"kind": "MESH", "detail": True}, False), ({"kind": "STAND_IN"}, False),
     ({"kind": "HEIGHT_MAP"}, False), ({"kind": "HEIGHT_MAP", "detail": True}, True)], ids=str)
 def test_landforms_are_hidden_for_ground_that_has_none(source, shown):
-    assert is_shown("ridges", "height_m", root(source=source)) == shown
-    assert is_shown("terrain", "layers", root(source=source)) == shown
+    assert TOPICS["ridges"].is_shown("height_m", root(source=source)) == shown
+    assert TOPICS["terrain"].is_shown("layers", root(source=source)) == shown
 
 
 def test_roughness_on_a_mesh_has_no_landforms():
@@ -169,7 +170,7 @@ CASES = [
     ("surface", {"surface": {"model": "LUNAR_LAMBERT"}}, "but", {*PRINCIPLED, *IDLE}),
     ("rock_surface", {"rock_surface": {"model": "HAPKE"}}, "but",
      {"albedo", "lommel_seeliger_share", *PRINCIPLED, *IDLE}),
-    ("hapke", {"hapke": {"backend": "NODES"}}, "but", {"accuracy", "h_c"}),
+    ("hapke", {"hapke": {"backend": "NODES"}, "surface": {"model": "HAPKE"}}, "but", {"accuracy", "h_c"}),
     ("rocks", {}, "only", {"coverage"}),
     ("rocks", {"rocks": {"coverage": 0.01}}, "but", {"cluster_blocks", "cluster_radius_m", "file"}),
     ("rocks", {"rocks": {"coverage": 0.01, "clustering": 0.1}}, "but", {"file"}),

@@ -20,9 +20,10 @@ from icymoon.errors import IcyMoonError
 from icymoon.formats import ply
 from icymoon.formats.mesh_images import choose_images
 from icymoon.paper_stand_ins import cached_files
-from icymoon.paper_stand_ins.items import RECIPE, mesh_item, texture_item
+from icymoon.paper_stand_ins.items import RECIPE
 from icymoon.paper_stand_ins.reconstructions import Reconstruction
 from icymoon.paper_stand_ins.texture_maps import make_maps
+from icymoon.settings.topics.stand_ins import mesh_item, texture_item
 
 
 @pytest.fixture(autouse=True)

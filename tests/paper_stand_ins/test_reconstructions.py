@@ -7,11 +7,12 @@ import math
 import numpy as np
 import pytest
 from icymoon.paper_stand_ins.fields import Draw
-from icymoon.paper_stand_ins.items import MESH_PIXELS, MESHES, mesh_item
+from icymoon.paper_stand_ins.items import MESH_PIXELS
 from icymoon.paper_stand_ins.reconstructions import reconstruct
 from icymoon.paper_stand_ins.triangulation import triangulate
 from icymoon.physics.mesh.check import examine
 from icymoon.physics.random_numbers.seeds import generator
+from icymoon.settings.topics.stand_ins import MESHES, mesh_item
 from marks import heavy_but
 
 

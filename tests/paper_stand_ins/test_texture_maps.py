@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from icymoon.paper_stand_ins import fields, ice_colours
 from icymoon.paper_stand_ins.fields import Draw
-from icymoon.paper_stand_ins.items import TEXTURES
 from icymoon.paper_stand_ins.texture_maps import make_maps
 from icymoon.physics.random_numbers.seeds import generator
+from icymoon.settings.topics.stand_ins import TEXTURES
 from marks import heavy_but
 
 KEYS = [item.key for item in TEXTURES]

@@ -16,7 +16,7 @@ from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description, preset_files
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 from icymoon.version import ROOT
 
 #: The scene of which the right eye was in the ground, and its images black, without a word.

@@ -12,7 +12,7 @@ import pytest
 from icymoon.physics import scene_requirements
 from icymoon.physics.light.sky import sky, sky_facts
 from icymoon.settings import changes, description
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 from icymoon.version import ROOT
 
 

@@ -19,7 +19,7 @@ from icymoon.operators.render import planned_pairs
 from icymoon.render.asset_worker import make_library
 from icymoon.render.workers.job import python_command
 from icymoon.settings import description, preset_files
-from icymoon.typed_settings import Parts
+from icymoon.settings.topics.declaration import Parts
 from rendering import complete, empty_scene
 
 NAMES = ("gallery/block_field", "scenes/europa_rough_ice", "surfaces/rough_ice", "surfaces/hapke_europa_dark_lineae",

@@ -17,9 +17,9 @@ from icymoon.render.pairs.pair_folder import EYES, Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
+from icymoon.settings.topics.scene import Settings, typed
 from icymoon.stereo.images.exr import read_truth
 from icymoon.stereo.trade.measure_variants import scaled_view
-from icymoon.typed_settings import Settings, typed
 from mathutils import Matrix
 from rendering import complete, empty_scene
 

@@ -11,7 +11,8 @@ from hypothesis import given
 from icymoon.errors import IcyMoonError
 from icymoon.settings import description as settings
 from icymoon.settings import preset_files
-from icymoon.settings.table import EFFECTS, all_settings
+from icymoon.settings.table import all_settings
+from icymoon.settings.topics.declaration import EFFECTS
 
 
 @given(DESCRIPTIONS)

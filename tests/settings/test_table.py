@@ -8,7 +8,8 @@ import re
 
 import pytest
 from icymoon.settings import preset_files, toml_text
-from icymoon.settings.table import TOPICS, Setting, all_settings
+from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.topics.declaration import Setting
 from icymoon.version import ROOT
 
 ALL = [(topic, s) for topic, setting in all_settings() for s in (setting, *setting.entries)]

@@ -11,8 +11,10 @@ from hypothesis import strategies as st
 from icymoon.errors import IcyMoonError
 from icymoon.render.plans import frozen_plan
 from icymoon.render.plans.plan_file import read_plan
-from icymoon.settings import description, preset_files, toml_text, trust_boundary
-from icymoon.settings.table import Setting, all_settings
+from icymoon.settings import description, preset_files, toml_text
+from icymoon.settings.table import all_settings
+from icymoon.settings.topics import trust_boundary
+from icymoon.settings.topics.declaration import Setting
 from icymoon.stereo.matchers import MATCHERS, complete_options
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.matchers.options import Option
@@ -29,9 +31,9 @@ def test_every_text_says_what_it_may_name():
     assert len(texts) > 5
     assert set(texts.values()) == set(trust_boundary.CLASSES)
     with pytest.raises(ValueError, match="must have a class of trust"):
-        Setting("program", "Program", "", "Something that is run", "run")
+        Setting(label="Program", default="", description="Something that is run", effect="run")
     with pytest.raises(ValueError, match="no other setting may have one"):
-        Setting("number", "Number", 1, "Something that is counted", "run", trust="read")
+        Setting(label="Number", default=1, description="Something that is counted", effect="run", trust="read")
 
 
 def test_a_matcher_has_no_text_but_those_that_descriptions_may_not_set():

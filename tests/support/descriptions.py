@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from hypothesis import strategies as st
-from icymoon.settings.table import TOPICS, Setting
+from icymoon.settings.table import TOPICS
+from icymoon.settings.topics.declaration import Setting
 
 
 def _values(setting: Setting) -> st.SearchStrategy[Any]:

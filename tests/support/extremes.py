@@ -19,12 +19,14 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, toml_text
 from icymoon.settings.changes import relief_in_mesh
-from icymoon.settings.table import TOPICS, Setting
+from icymoon.settings.table import TOPICS
+from icymoon.settings.topics.declaration import Parts, Setting
+from icymoon.settings.topics.scene import Settings
+from icymoon.settings.topics.surfaces import HapkeSettings, SurfaceSettings
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.exr import Light, View
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.matchers.methods import parse_methods
-from icymoon.typed_settings import HapkeSettings, Parts, Settings, SurfaceSettings
 from mathutils import Vector
 from rendering import empty_scene
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from icymoon.settings import pair_ids
-from icymoon.settings.table import TOPICS, Setting
+from icymoon.settings.table import TOPICS
+from icymoon.settings.topics.declaration import Setting
 
 DATA = Path(__file__).parents[1] / "data"
 OLD = [folder.name for folder in sorted(DATA.glob("v*"))]
@@ -20,29 +21,30 @@ def copied(name: str, to: Path) -> Path:
     return to / "dataset"
 
 
-def upgrade(monkeypatch: pytest.MonkeyPatch, topic: str, *settings: Setting, before: object = None) -> None:
-    """Have a version with more settings in a topic, which stand first, the others in reversed order."""
-    for setting in settings:
-        monkeypatch.setitem(pair_ids.SCHEMA["later"], f"{topic}.{setting.key}",
-                            setting.default if before is None else before)
-    monkeypatch.setitem(TOPICS, topic, replace(TOPICS[topic], settings=(*settings, *TOPICS[topic].settings[::-1])))
+def make_setting(key: str, default: bool | float, effect: str, before: bool | float | None = None,
+                 maximum: float = math.inf) -> Setting:
+    """A setting of a later release."""
+    return Setting(key=key, label=key, default=default, description=f"Some {key}", effect=effect, since="9.0",
+                   before=before, minimum=0.0, maximum=maximum)
 
 
-def upgrade_entries(monkeypatch: pytest.MonkeyPatch, topic: str, key: str, part: Setting, before: object) -> None:
+def upgrade(monkeypatch: pytest.MonkeyPatch, topic: str, *settings: Setting) -> None:
+    """Have a version with more settings in a topic, which stand first."""
+    monkeypatch.setitem(TOPICS, topic, replace(TOPICS[topic], settings=(*settings, *TOPICS[topic].settings)))
+
+
+def upgrade_entries(monkeypatch: pytest.MonkeyPatch, topic: str, key: str, part: Setting) -> None:
     """Have a version whose tables of a list have one setting more."""
-    monkeypatch.setitem(pair_ids.SCHEMA["later"], f"{topic}.{key}.{part.key}", before)
-    lists = replace(TOPICS[topic][key], entries=(part, *TOPICS[topic][key].entries))
+    entry = TOPICS[topic][key].entry
+    assert entry
+    lists = replace(TOPICS[topic][key], entry=type(entry.__name__, (entry,), {part.key: part}))
     monkeypatch.setitem(TOPICS, topic, replace(TOPICS[topic], settings=tuple(
         lists if setting.key == key else setting for setting in TOPICS[topic].settings)))
 
 
 def upgrade_all(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have a version with more settings of several kinds, some of which do something else by default than before."""
-    upgrade(monkeypatch, "quality", Setting("extra_pass", "Extra Pass", True, "Some pass more", "sampling"),
-            before=False)
-    upgrade(monkeypatch, "rig", Setting("wobble_deg", "Wobble", 0.3, "Some motion of the rig", "camera", "deg", 0.0,
-                                        5.0), before=0.0)
-    upgrade(monkeypatch, "sensor", Setting("hum_e", "Hum", 7.0, "Some noise of the sensor", "response", "e-", 0.0,
-                                           99.0), before=0.0)
-    upgrade_entries(monkeypatch, "terrain", "layers",
-                    Setting("skew", "Skew", 0.5, "Some skewness of the layer", "geometry", "1", 0.0, 1.0), 0.0)
+    upgrade(monkeypatch, "quality", make_setting("extra_pass", True, "sampling", before=False))
+    upgrade(monkeypatch, "rig", make_setting("wobble_deg", 0.3, "camera", before=0.0, maximum=5.0))
+    upgrade(monkeypatch, "sensor", make_setting("hum_e", 7.0, "response", before=0.0, maximum=99.0))
+    upgrade_entries(monkeypatch, "terrain", "layers", make_setting("skew", 0.5, "geometry", before=0.0, maximum=1.0))

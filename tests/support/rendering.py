@@ -12,7 +12,8 @@ from icymoon.render.pairs.pair_folder import Pair, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description
-from icymoon.typed_settings import Parts, Settings
+from icymoon.settings.topics.declaration import Parts
+from icymoon.settings.topics.scene import Settings
 
 SMALL: Parts = {"terrain": {"resolution": 65}, "mesh": {"kind": "GRID"}, "quality": {"samples": 2, "threads": 2},
          "rig": {"width_px": 96, "height_px": 72}}

@@ -23,8 +23,8 @@ from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
+from icymoon.settings.topics.declaration import Parts
 from icymoon.stereo.images.exr import read_view
-from icymoon.typed_settings import Parts
 from rendering import empty_scene
 
 TABLE = Path(__file__).with_name("stability.json")

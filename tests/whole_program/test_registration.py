@@ -9,7 +9,8 @@ import textwrap
 import bpy
 import pytest
 from icymoon import preferences
-from icymoon.settings.table import TOPICS, Setting, all_settings
+from icymoon.settings.table import TOPICS, all_settings
+from icymoon.settings.topics.declaration import Setting
 
 
 def run(program: str) -> str:

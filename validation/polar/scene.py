@@ -18,7 +18,7 @@ from ...formats.ply import write_triangles
 from ...render.pairs.pair_folder import Pair
 from ...settings.description import check, defaults, merged
 from ...settings.preset_files import load_preset
-from ...typed_settings import Settings
+from ...settings.topics.scene import Settings
 from .camera import Calibration
 from .data_set import EYES, ROCK, SHADOW, Rock, Terrain, View
 from .sand import Sand

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ....typed_settings import ChaosSettings
+from ....settings.topics.landforms import ChaosSettings
 from ..noise.voronoi import voronoi
 from .common import Landform, Walls, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
 

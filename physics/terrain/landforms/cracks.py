@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ....typed_settings import CracksSettings
+from ....settings.topics.landforms import CracksSettings
 from ..noise.voronoi import voronoi
 from .common import Landform, Walls, broken_step, draw_key, facets, only_where, smooth_step, turn, wander
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ....errors import IcyMoonError
-from ....typed_settings import CratersSettings
+from ....settings.topics.landforms import CratersSettings
 from ...rocks.size_laws import PowerLaw
 from ..roughness.roughness import carried_share
 from .common import Landform, smooth_step

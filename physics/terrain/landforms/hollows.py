@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ....typed_settings import HollowsSettings
+from ....settings.topics.landforms import HollowsSettings
 from ..noise.voronoi import voronoi
 from .common import Landform, draw_key, turn, wander
 

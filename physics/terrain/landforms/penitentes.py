@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ....typed_settings import PenitentesSettings
+from ....settings.topics.landforms import PenitentesSettings
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Crests, Landform, draw_key, smooth_step, turn, wander
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ....typed_settings import PitsSettings
+from ....settings.topics.landforms import PitsSettings
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Crests, Landform, Walls, draw_key, facets, only_where, wander
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ....errors import IcyMoonError
 from ....plugins.landforms import PREFIX, RELEASE, PluginLandform, landform_plugins, missing_landform, name_key
-from ....typed_settings import Settings
+from ....settings.topics.scene import Settings
 from .common import Landform
 
 

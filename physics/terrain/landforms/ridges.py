@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ....typed_settings import RidgesSettings
+from ....settings.topics.landforms import RidgesSettings
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Crests, Landform, draw_key, smooth_step, turn, wander
 

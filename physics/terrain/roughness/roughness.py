@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ....errors import IcyMoonError
-from ....typed_settings import TerrainSettings
+from ....settings.topics.ground import TerrainSettings
 from ..noise.lattice_noise import gradient_noise
 from .statistics import detrend
 from .structure_function import NOISE_DEVIATION, structure

@@ -26,8 +26,8 @@ from icymoon.nodes.ground.import_mesh import read_mesh
 from icymoon.physics.mesh.check import examine
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
+from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.images.exr import read_view
-from icymoon.typed_settings import Settings
 from mathutils.bvhtree import BVHTree
 from mesh_exports import FORMATS, export
 from rendering import complete, empty_scene, render

@@ -12,7 +12,7 @@ from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.surfaces.principled import real_albedo
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load_preset
-from icymoon.typed_settings import SurfaceSettings
+from icymoon.settings.topics.surfaces import SurfaceSettings
 
 
 def measured(settings, **view) -> np.ndarray:

@@ -13,8 +13,7 @@ from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.light.bands import bubbly_ice_bands, material_bands, snow_bands
 from icymoon.physics.surfaces.spectra import MATERIALS
 from icymoon.settings.description import check, defaults, merged
-from icymoon.settings.table import SURFACE
-from icymoon.typed_settings import SurfaceSettings
+from icymoon.settings.topics.surfaces import SurfaceSettings
 
 
 def surface(**changes: Any) -> SurfaceSettings:
@@ -104,5 +103,5 @@ def test_colours_of_hapke_s_law_are_over_what_it_reflects_of_even_light():
 
 @pytest.mark.parametrize("key", ["ice_colour", "dirt", "salt"])
 def test_materials_of_the_settings_have_spectra(key):
-    names = {choice[0] for choice in SURFACE[key].choices} - {"GREY", "SNOW", "BLACK", "OWN"}
+    names = {choice[0] for choice in SurfaceSettings.topic[key].choices} - {"GREY", "SNOW", "BLACK", "OWN"}
     assert names <= set(MATERIALS)

@@ -18,11 +18,10 @@ from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, instanced_objects
 from icymoon.nodes.ground.import_mesh import read_mesh
 from icymoon.nodes.surface import images
-from icymoon.panels.relevance import has_effect, is_shown
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 from mesh_exports import FORMATS, export
 from obj_files import obj
 from rendering import complete, empty_scene, png
@@ -552,7 +551,8 @@ def test_the_panel_greys_what_does_not_count(scene):
     group = scene.icymoon.textures
 
     def counts(*keys: str) -> set[str]:
-        return {key for key in keys if all(asked("textures", key, scene.icymoon) for asked in (is_shown, has_effect))}
+        topic = TOPICS["textures"]
+        return {key for key in keys if topic.is_shown(key, scene.icymoon) and topic.has_effect(key, scene.icymoon)}
 
     every = tuple(s.key for s in TOPICS["textures"].settings)
     files = {key for key in every if key.endswith("_file")}

@@ -12,7 +12,7 @@ from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_names
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 
 #: Degrees that the shipped rules of sites ask of every joint.
 MARGIN_DEG = 10.0

@@ -21,7 +21,7 @@ from icymoon.physics.arm.urdf import MOST_LINKS, read_urdf
 from icymoon.physics.refused_scenes import lander_reasons
 from icymoon.settings import user_files
 from icymoon.settings.description import defaults, merged
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 from urdf_files import CORNERS, FACES, JOINTS, LINKS, visual, write_ascii_stl, write_obj, write_robot, write_stl
 
 

@@ -17,7 +17,7 @@ from icymoon.physics.arm.parametric import (
     solve,
 )
 from icymoon.settings.description import defaults, merged
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 
 RIG = {"x_m": 3.0, "y_m": -2.0, "heading_deg": 40.0}
 

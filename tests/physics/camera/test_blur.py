@@ -13,8 +13,8 @@ from icymoon.physics.camera.blur import MOTION, blur_advice, blur_of, confusion_
 from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.description import check, defaults, merged
+from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.cli import main
-from icymoon.typed_settings import Settings
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -20,7 +20,7 @@ from icymoon.physics.light.photons import electron_rate, photons_by_wavelength, 
 from icymoon.physics.light.sunlight import sun_colour
 from icymoon.settings.description import defaults
 from icymoon.settings.preset_files import load_preset
-from icymoon.typed_settings import SensorSettings
+from icymoon.settings.topics.camera import SensorSettings
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -10,7 +10,7 @@ from icymoon.errors import IcyMoonError
 from icymoon.physics.camera.deposits import apply_deposits, blocked_share
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.settings.description import defaults, merged
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 
 SHAPE = (240, 320)
 

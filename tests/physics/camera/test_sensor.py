@@ -20,8 +20,7 @@ from icymoon.physics.camera.sensor import (
 )
 from icymoon.physics.light.photons import electron_rate
 from icymoon.settings.description import defaults
-from icymoon.settings.table import SENSOR
-from icymoon.typed_settings import SensorSettings
+from icymoon.settings.topics.camera import SensorSettings
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -224,14 +223,14 @@ def test_noise_repeats_for_the_same_eye_and_is_independent_between_eyes_pairs_an
         assert abs(np.corrcoef(first, other)[0, 1]) < 5 / np.sqrt(N)
 
 
-_EXTREMES = [pytest.param(s.key, value, id=f"{s.key}-{value:g}") for s in SENSOR.settings
+_EXTREMES = [pytest.param(s.key, value, id=f"{s.key}-{value:g}") for s in SensorSettings.fields
              if s.kind in ("int", "float") for value in (s.minimum, s.maximum)]
 
 
 @pytest.mark.parametrize(("key", "value"), [*_EXTREMES, ("exposure_s", 1e-6), ("exposure_s", 1e3)])
 @pytest.mark.parametrize("light", [0.0, 1e-12, 2.0, np.inf])
 def test_no_extreme_of_the_sensor_makes_anything_but_numbers(key, value, light):
-    kind = int if SENSOR[key].kind == "int" else float
+    kind = int if SensorSettings.topic[key].kind == "int" else float
     settings = defaults()
     settings.sensor |= {"auto_exposure": key.startswith("auto"), "blooming": 0.5, key: kind(value)}
     rate = electron_rate(settings.light, settings.sensor, 94e-6)

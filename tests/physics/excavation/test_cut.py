@@ -8,7 +8,7 @@ from icymoon.physics.excavation.cut import Pull, cut_heights, fit_plane
 from icymoon.physics.excavation.grid import Grid, covering
 from icymoon.physics.excavation.paths import make_pulls
 from icymoon.settings import description
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 
 CELL = 0.0025
 

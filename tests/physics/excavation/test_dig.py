@@ -9,7 +9,7 @@ from icymoon.physics.excavation import site as sites
 from icymoon.physics.excavation.dig import Series
 from icymoon.physics.excavation.paths import read_path
 from icymoon.settings import description
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 
 DUG = {"path": "LINE", "states": 4, "bite_m": 0.04, "length_m": 0.2, "cell_m": 0.005, "start_y_m": 0.1}
 

@@ -10,7 +10,7 @@ from icymoon.physics.excavation import site as sites
 from icymoon.physics.excavation.dig import Series
 from icymoon.physics.excavation.joint_paths import make_joint_pulls
 from icymoon.settings import changes, description
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 from urdf_files import write_robot
 
 HEAD = "state,yaw_deg,shoulder_deg,elbow_deg,wrist_deg,roll_deg\n"

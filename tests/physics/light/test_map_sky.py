@@ -8,7 +8,8 @@ import pytest
 from icymoon.formats.geotiff import MapPlace
 from icymoon.physics.light.map_sky import doubt_sky
 from icymoon.settings.description import check, defaults, merged
-from icymoon.typed_settings import LightSettings, typed
+from icymoon.settings.topics.light import LightSettings
+from icymoon.settings.topics.scene import typed
 
 
 def light(**changes: object) -> LightSettings:

@@ -21,7 +21,7 @@ from icymoon.physics.light.sky import azimuth_deg, check_body, elevation_deg, sk
 from icymoon.physics.light.sunlight import apparent_diameter_deg, sun_colour, sun_diameter_deg, sun_irradiance_wm2
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description, preset_files
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 
 pytestmark = pytest.mark.filterwarnings("error")
 

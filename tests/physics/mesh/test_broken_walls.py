@@ -10,7 +10,7 @@ from icymoon.physics.terrain.landforms import Walls
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings import changes
 from icymoon.settings.description import defaults, merged
-from icymoon.typed_settings import Parts
+from icymoon.settings.topics.declaration import Parts
 
 WALLS = Walls(1.0, 7)
 #: Plates with steep sides before a small camera.

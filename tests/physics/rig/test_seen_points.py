@@ -9,7 +9,7 @@ import pytest
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.physics.rig.seen_points import find_seen_facets, is_seen, sides_passed
 from icymoon.settings import description
-from icymoon.typed_settings import RigSettings
+from icymoon.settings.topics.camera import RigSettings
 
 
 def described(**rig: float) -> RigSettings:

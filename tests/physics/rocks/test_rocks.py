@@ -15,7 +15,7 @@ from icymoon.physics.rocks.rocks import draw_places, euler_xyz, scatter
 from icymoon.physics.rocks.shapes import FAMILIES, LEVELS, corners_of, icosphere, make_rock_shapes
 from icymoon.physics.rocks.size_laws import Golombek, PowerLaw, draw_diameters, size_law
 from icymoon.settings.description import defaults, merged
-from icymoon.typed_settings import RocksSettings
+from icymoon.settings.topics.rocks import RocksSettings
 from marks import heavy_but
 
 SIZE_M = 20.0

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from icymoon.physics.surfaces import principled
 from icymoon.settings.description import defaults
-from icymoon.typed_settings import SurfaceSettings
+from icymoon.settings.topics.surfaces import SurfaceSettings
 
 
 @pytest.fixture(autouse=True, scope="module", params=principled.TABLES)

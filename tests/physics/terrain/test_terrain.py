@@ -16,7 +16,7 @@ from icymoon.physics.terrain.terrain import Terrain, make_terrain, terrain_advic
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_names
 from icymoon.settings.table import TOPICS
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 
 #: Every landform at once, two layers, snow and a slope.
 EVERYTHING = check({

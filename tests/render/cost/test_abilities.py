@@ -15,8 +15,8 @@ from icymoon.render.cost.quality_presets import list_qualities
 from icymoon.render.cost.variants import candidates, variants
 from icymoon.render.plans.triangles import count_triangles
 from icymoon.settings.description import check, defaults, merged
+from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.trade import measure_variants
-from icymoon.typed_settings import Settings
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the stand-in for Blender is a script of a shell")
 PLAIN = Abilities(osl=False, denoiser=False, gpu=False)

@@ -14,7 +14,8 @@ from icymoon.render.plans.order import cut_into_jobs, ordered
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.plans.triangles import count_triangles
 from icymoon.settings import description
-from icymoon.typed_settings import Parts, Settings
+from icymoon.settings.topics.declaration import Parts
+from icymoon.settings.topics.scene import Settings
 
 SMALL: Parts = {"terrain": {"resolution": 129}, "mesh": {"kind": "GRID"}, "rig": {"width_px": 64, "height_px": 48}}
 

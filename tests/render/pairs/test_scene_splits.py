@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from icymoon.render.pairs.pair_folder import Pair, StereoCamera
 from icymoon.render.pairs.scene_splits import scene_of
-from icymoon.settings import pair_ids
 from icymoon.settings.description import defaults, merged
+from icymoon.settings.table import TOPICS, all_settings
 
 
 def pair(**changes) -> Pair:
     """A pair of the values that older versions had, and changes."""
-    old = {topic: {key: value} for name, value in pair_ids.SCHEMA["later"].items() if name.count(".") == 1
-           for topic, key in [name.split(".")]}
-    settings = merged(defaults(), *({topic: values} for topic, values in old.items()), changes)
+    settings = merged(defaults(), *({topic: {s.key: s.old_value}} for topic, s in all_settings()), changes)
     return Pair(Path(), "0" * 12, settings, StereoCamera.from_settings(settings.rig), {})
 
 
@@ -32,6 +31,8 @@ def test_only_the_shape_of_ground_and_rocks_makes_another_scene(changes, same):
 def test_a_setting_of_a_later_version_moves_no_scene(monkeypatch):
     """A setting counts in no scene where it has the value that stands for versions without it."""
     old = scene_of(pair())
-    monkeypatch.setitem(pair_ids.SCHEMA["later"], "terrain.variant", 5)
+    terrain = TOPICS["terrain"]
+    monkeypatch.setitem(TOPICS, "terrain", replace(terrain, settings=tuple(
+        replace(s, before=5) if s.key == "variant" else s for s in terrain.settings)))
     assert scene_of(pair(terrain={"variant": 5})) == old
     assert scene_of(pair(terrain={"variant": 0})) != old

@@ -8,7 +8,7 @@ from icymoon.physics.scene_requirements import is_baked, why_not_baked
 from icymoon.render.plans.indirect import bake_seconds, break_even, choose_indirect, settle_indirect
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
-from icymoon.typed_settings import Settings
+from icymoon.settings.topics.scene import Settings
 
 LAMBERT = {"surface": {"model": "LAMBERT"}, "mesh": {"kind": "GRID"}, "terrain": {"resolution": 258},
            "quality": {"indirect": "AUTO", "samples": 9, "denoiser": "OIDN", "diffuse_bounces": 3}}

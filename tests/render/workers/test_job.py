@@ -8,7 +8,7 @@ import pytest
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.workers.job import Job, read_job, read_planned_pairs
 from icymoon.settings import description
-from icymoon.typed_settings import Settings, typed
+from icymoon.settings.topics.scene import Settings, typed
 from plans import grid, planned
 
 

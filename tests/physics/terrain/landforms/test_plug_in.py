@@ -8,7 +8,8 @@ from icymoon.physics.terrain.landforms import plug_in
 from icymoon.plugins.installed import find
 from icymoon.plugins.landforms import read_landform
 from icymoon.settings.description import defaults
-from icymoon.typed_settings import Settings, Table, typed
+from icymoon.settings.topics.declaration import Table
+from icymoon.settings.topics.scene import Settings, typed
 from plugin_packages import LANDFORM, add_package
 
 X = np.array([-3.0, -1.0, 1.0, 3.0])

@@ -10,10 +10,9 @@ import pytest
 from icymoon.physics.terrain.layers import Layer, make_layer
 from icymoon.physics.terrain.noise.bases_and_fractals import BASES, FRACTALS
 from icymoon.physics.terrain.roughness.statistics import power_spectrum, rms_deviation
-from icymoon.settings.table import LAYER
-from icymoon.typed_settings import TerrainLayer
+from icymoon.settings.topics.ground import TerrainLayer
 
-DEFAULTS = TerrainLayer({setting.key: setting.default for setting in LAYER})
+DEFAULTS = TerrainLayer.from_values({setting.key: setting.default for setting in TerrainLayer.fields})
 
 
 def _layer(seed: int = 0, **changes: object) -> Layer:

@@ -14,7 +14,7 @@ from icymoon.physics.terrain.roughness.statistics import detrend, lags, measure,
 from icymoon.physics.terrain.roughness.structure_function import structure
 from icymoon.physics.terrain.terrain import law_range_m, make_terrain, terrain_advice
 from icymoon.settings.description import defaults, merged
-from icymoon.typed_settings import TerrainSettings
+from icymoon.settings.topics.ground import TerrainSettings
 from marks import heavy_but
 
 SIZE, N = 20.0, 1025
@@ -195,7 +195,7 @@ def test_the_measures_on_surfaces_that_are_known():
 @pytest.mark.parametrize("hurst", [0.5, 0.9])
 def test_the_statistics_that_are_asked_are_those_of_a_patch_of_many_waves(hurst):
     """On 20 m with waves up to 2 m, chance hardly counts."""
-    terrain = TerrainSettings(defaults().terrain, outer_scale_m=2.0, hurst=hurst, slope_baseline_m=0.5)
+    terrain = defaults().terrain | TerrainSettings(outer_scale_m=2.0, hurst=hurst, slope_baseline_m=0.5)
     heights = _built(1, 513, outer_scale_m=2.0, hurst=hurst, slope_baseline_m=0.5)
     asked, made = asked_numbers(terrain), measure(heights, SIZE / 512, 0.5).numbers()
     assert asked["rms_slope_deg"] == 12.0

@@ -1,4 +1,4 @@
-"""The types of the settings: made from the table, dictionaries at run time, known to mypy."""
+"""The settings of a scene: dictionaries at run time, known to mypy, and how a setting is declared."""
 
 from __future__ import annotations
 
@@ -10,20 +10,39 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Literal
 
 import icymoon
 import pytest
-from icymoon.settings import description, make_types, preset_files
+from icymoon.settings import description, preset_files
 from icymoon.settings.table import TOPICS
-from icymoon.typed_settings import ENTRIES, TABLES, Parts, Settings, TerrainLayer, TerrainSettings, typed
+from icymoon.settings.topics.declaration import Parts, Table, choice
+from icymoon.settings.topics.ground import TerrainLayer, TerrainSettings
+from icymoon.settings.topics.light import LightSettings
+from icymoon.settings.topics.scene import ENTRIES, TABLES, Settings, typed
+from icymoon.settings.topics.surfaces import RockSurfaceSettings, SurfaceSettings
 
 LAYERED = {"terrain": {"layers": [{"amplitude_m": 0.5}]}}
 
 
-def test_the_types_are_those_of_the_table():
-    for path, below in ((make_types.PATH, make_types.made()), (make_types.OVERRIDES, make_types.made_overrides())):
-        text = path.read_text(encoding="utf-8")
-        assert text == make_types.complete(text, below), "python -m icymoon.settings.make_types writes it anew"
+def test_a_choice_whose_type_and_choices_differ_is_found():
+    with pytest.raises(ValueError, match=r"Odd\.kind: its type and its choices differ"):
+        type("Odd", (Table,), {"__annotations__": {"kind": Literal["A", "B"]},
+                               "kind": choice("Kind", "A", "", "run", ("B", "", ""), ("A", "", ""))})
+
+
+def test_a_type_has_the_same_settings_under_another_name():
+    assert RockSurfaceSettings.fields == SurfaceSettings.fields
+    assert (RockSurfaceSettings.topic.key, SurfaceSettings.topic.key) == ("rock_surface", "surface")
+    assert RockSurfaceSettings.topic.label != SurfaceSettings.topic.label
+
+
+def test_sections_come_with_the_last_for_few_scenes_and_ticks_in_headers():
+    light = LightSettings.topic
+    assert [section.key for section in light.sections] == ["planet", "stars", "balance", "advanced"]
+    assert "planet" not in light.keys_in(light.sections[0])
+    assert "planet_albedo" in light.keys_in(light.sections[0])
+    assert light.main_keys[0] == "directions_from"
 
 
 def test_no_setting_has_a_name_that_a_dictionary_uses_itself():
@@ -96,13 +115,14 @@ def complaints(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]
     pytest.importorskip("mypy")
     folder, source = tmp_path_factory.mktemp("checkout"), Path(icymoon.__file__).parent
     shutil.copyfile(source / "pyproject.toml", folder / "pyproject.toml")
-    shutil.copyfile(source / "typed_settings.py", folder / "typed_settings.py")
+    shutil.copytree(source / "settings" / "topics", folder / "settings" / "topics")
+    (folder / "settings" / "__init__.py").touch()
     (folder / "__init__.py").touch()
     (folder / ".types").mkdir()
     (folder / ".types" / "icymoon").symlink_to("..", target_is_directory=True)
     for place, begin in PLACES.items():
         (folder / place).parent.mkdir(parents=True, exist_ok=True)
-        head = ["from icymoon.typed_settings import Settings", begin, "    settings = Settings()"]
+        head = ["from icymoon.settings.topics.scene import Settings", begin, "    settings = Settings()"]
         (folder / place).write_text("\n".join([*head, *(f"    {line}" for line in LINES)]), encoding="utf-8")
     ended = subprocess.run([sys.executable, "-m", "mypy"], cwd=folder, capture_output=True, text=True,
                            encoding="utf-8", timeout=300, check=False)

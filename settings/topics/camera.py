@@ -1,0 +1,302 @@
+"""The stereo camera and its sensor."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from .declaration import ADVANCED, Section, Table, choice, degrees, fraction, metres, number, tick
+from .relevance import Condition, chosen, nonzero, positive, ticked
+
+MOSAIC = ~chosen("colour", "MONO")
+BRACKETED = Condition(lambda asked: asked.value("brackets") > 1)
+LENS = Section("lens", "Lens and Alignment", "Distortion and focus of the lens, and alignment of the eyes")
+MOTION = Section("motion", "Motion", "Motion of the cameras during the exposure")
+OPTICS = Section("optics", "Optics", "Aperture, wavelengths and sharpness of lens and filter")
+DEPOSITS = Section("deposits", "Deposits", "Dust or frost on the windows before the lenses")
+FILTERS = Section("filters", "Colour Filters", "The Bayer mosaic: its filters, demosaicing and white balance")
+DETECTOR = Section("detector", "Detector", "From photons to numbers")
+NOISE = Section("noise", "Noise", "Noise of the sensor, between exposures and between pixels")
+RADIATION = Section("radiation", "Radiation", "Tracks of charged particles, as in Jupiter's belts")
+
+
+class RigSettings(Table, label="Stereo Camera", brief="Camera"):
+    """Two identical cameras, parallel unless toed in. The left one is the reference."""
+
+    __slots__ = ()
+    baseline_m: float = metres(
+        "Baseline", 0.25, 1.0e-4, 100.0, (0.02, 1.0), "Distance between the two optical centres", "camera")
+    focal_length_mm: float = number(
+        "Focal Length", 32.0, 1.0, 5000.0, (5.0, 200.0), "Focal length of both lenses", "camera", "mm",
+        subtype="DISTANCE_CAMERA")
+    sensor_width_mm: float = number(
+        "Sensor Width", 60.0, 1.0, 100.0, (5.0, 70.0), "Width of both sensors; pixels are square", "camera", "mm",
+        subtype="DISTANCE_CAMERA", section=ADVANCED)
+    width_px: int = number(
+        "Image Width", 640, 4, 16384, (64, 2048), "Columns of the images", "camera", "px", subtype="PIXEL")
+    height_px: int = number(
+        "Image Height", 480, 4, 16384, (64, 2048), "Rows of the images", "camera", "px", subtype="PIXEL")
+    height_m: float = metres(
+        "Height above Ground", 1.6, 1.0e-3, 1.0e4, (0.3, 5.0), "Height of the left camera above the ground beneath it",
+        "camera")
+    pitch_deg: float = degrees(
+        "Pitch Down", 45.84, -90.0, 90.0, "Angle of the optical axis below the horizontal", "camera")
+    heading_deg: float = degrees(
+        "Heading", 0.0, -360.0, 360.0, "Direction of the optical axis from north (+Y) over east (+X)", "camera",
+        section=ADVANCED)
+    principal_x_px: float = number(
+        "Principal Point Right", 0.0, -8192.0, 8192.0, (-50.0, 50.0), "Distance of the optical axis to the right of "
+        "the image centre", "camera", "px", subtype="PIXEL", section=LENS)
+    principal_y_px: float = number(
+        "Principal Point Down", 0.0, -8192.0, 8192.0, (-50.0, 50.0), "Distance of the optical axis below the image "
+        "centre", "camera", "px", subtype="PIXEL", section=LENS)
+    distortion_k1: float = number(
+        "Distortion k1", 0.0, -10.0, 10.0, (-0.5, 0.5), "Radial distortion, r² term, in OpenCV's Brown-Conrady model. "
+        "Negative values give barrel distortion", "response", precision=5, section=LENS)
+    distortion_k2: float = number(
+        "Distortion k2", 0.0, -10.0, 10.0, (-0.5, 0.5), "Radial distortion, r⁴ term", "response", precision=5,
+        section=LENS)
+    distortion_p1: float = number(
+        "Distortion p1", 0.0, -10.0, 10.0, (-0.5, 0.5), "Tangential distortion, vertical decentring", "response",
+        precision=5, section=LENS)
+    distortion_p2: float = number(
+        "Distortion p2", 0.0, -10.0, 10.0, (-0.5, 0.5), "Tangential distortion, horizontal decentring", "response",
+        precision=5, section=LENS)
+    distortion_k3: float = number(
+        "Distortion k3", 0.0, -10.0, 10.0, (-0.5, 0.5), "Radial distortion, r⁶ term", "response", precision=5,
+        section=LENS)
+    overscan: float = fraction(
+        "Overscan", 0.0, "Margin that is rendered beyond each border, as a share of width and height. Lens distortion "
+        "and toe-in need it", "camera", high=2.0, section=LENS)
+    toe_in_deg: float = degrees(
+        "Toe-in", 0.0, 0.0, 45.0, "Angle by which each eye turns toward the other, about its own vertical; 0 for "
+        "parallel eyes", "camera", (0.0, 10.0), 3, section=LENS)
+    focus_distance_m: float = metres(
+        "Focus Distance", 0.0, 0.0, 1.0e5, (0.0, 10.0), "Depth that is in focus; 0 if everything is in focus. The "
+        "f-number sets the blur, and the truth is always sharp", "camera", zero="all sharp", section=LENS)
+    speed_right_m_s: float = number(
+        "Speed Right (m/s)", 0.0, -1.0e4, 1.0e4, (-1.0, 1.0), "Motion of both eyes to the right during the exposure. "
+        "It blurs the images; the truth is of the middle of the exposure", "camera", "m/s", section=MOTION)
+    speed_down_m_s: float = number(
+        "Speed Down (m/s)", 0.0, -1.0e4, 1.0e4, (-1.0, 1.0), "Motion of both eyes along the image's columns during "
+        "the exposure. It blurs the images; the truth is of the middle of the exposure", "camera", "m/s",
+        section=MOTION)
+    speed_forward_m_s: float = number(
+        "Speed Forward (m/s)", 0.0, -1.0e4, 1.0e4, (-1.0, 1.0), "Motion of both eyes along the optical axis during "
+        "the exposure. It blurs the images; the truth is of the middle of the exposure", "camera", "m/s",
+        section=MOTION)
+    turn_right_deg_s: float = number(
+        "Turn Right (°/s)", 0.0, -1.0e4, 1.0e4, (-30.0, 30.0), "Rotation of the rig to the right about the left eye "
+        "during the exposure. It blurs the images; the truth is of the middle of the exposure", "camera", "deg/s",
+        section=MOTION)
+    turn_down_deg_s: float = number(
+        "Turn Down (°/s)", 0.0, -1.0e4, 1.0e4, (-30.0, 30.0), "Rotation of the rig downward about the left eye during "
+        "the exposure. It blurs the images; the truth is of the middle of the exposure", "camera", "deg/s",
+        section=MOTION)
+    roll_deg_s: float = number(
+        "Roll (°/s)", 0.0, -1.0e4, 1.0e4, (-30.0, 30.0), "Rotation of the rig clockwise about the left eye's optical "
+        "axis during the exposure. It blurs the images; the truth is of the middle of the exposure", "camera", "deg/s",
+        section=MOTION)
+    motion_exposure_s: float = number(
+        "Exposure (s)", 0.0, 0.0, 1.0e5, (0.0, 1.0), "Exposure time for motion blur. 0 uses the exposure time of the "
+        "camera response, which then must not be automatic", "camera", "s", precision=6, zero="camera's",
+        section=MOTION,
+        active=nonzero(
+        "speed_right_m_s", "speed_down_m_s", "speed_forward_m_s", "turn_right_deg_s", "turn_down_deg_s", "roll_deg_s"))
+    x_m: float = metres(
+        "Site East", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "East coordinate of the left camera", "camera",
+        section=ADVANCED)
+    y_m: float = metres(
+        "Site North", 0.0, -5.0e4, 5.0e4, (-10.0, 10.0), "North coordinate of the left camera", "camera",
+        section=ADVANCED)
+
+
+class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
+    """From radiance to digital numbers (EMVA 1288). Changes need no new render."""
+
+    __slots__ = ()
+    auto_exposure: bool = tick(
+        "Auto Exposure", True, "Set the exposure of both eyes from the brightest part of the left image", "response")
+    auto_percentile: float = fraction(
+        "Auto Percentile", 0.99, "Share of the pixels that are at or below the exposure target", "response",
+        section=ADVANCED, shown=ticked("auto_exposure"))
+    auto_target: float = fraction(
+        "Auto Target", 0.8, "Exposure target as a share of the full well, divided by the gain if that is above 1",
+        "response", low=0.01, section=ADVANCED, shown=ticked("auto_exposure"))
+    exposure_s: float = number(
+        "Exposure (s)", 1.0e-3, 1.0e-7, 1.0e5, (1.0e-5, 1.0), "Exposure time when auto exposure is off", "response",
+        "s", precision=6, shown=~ticked("auto_exposure"))
+    brackets: int = number(
+        "Merged Exposures", 1, 1, 9, None, "Number of exposures that are merged into one image (HDR); 1 for no merging",
+        "response", "exposures")
+    bracket_stops: float = number(
+        "Exposure Step (stops)", 2.0, 0.1, 8.0, (0.5, 4.0), "Step between successive exposures, as a power of two. "
+        "They are centred on the exposure", "response", "stops", section=ADVANCED, active=BRACKETED)
+    encoding: Literal["LINEAR", "SQUARE_ROOT"] = choice(
+        "8-bit Encoding", "LINEAR", "How images of more than 8 bits are reduced to 8 bits for matchers", "response",
+        ("LINEAR", "Linear", "Keep the top bits"),
+        ("SQUARE_ROOT", "Square Root", "Equal steps of shot noise, as in images that rovers send"))
+    f_number: float = number(
+        "f-Number", 8.0, 0.5, 256.0, (1.0, 32.0), "Focal length divided by the diameter of the aperture", "response",
+        section=OPTICS)
+    pixel_pitch_um: float = number(
+        "Pixel Pitch (µm)", 0.0, 0.0, 1000.0, (0.0, 30.0), "Side of a pixel, which sets how much light and how many "
+        "particles it receives; 0 for sensor width / columns", "response", "µm", precision=2, zero="by sensor",
+        section=OPTICS, since="0.2")
+    transmission: float = fraction(
+        "Transmission", 0.9, "Share of the light that lens and filter transmit", "response", section=OPTICS)
+    band_centre_nm: float = number(
+        "Band Centre (nm)", 600.0, 100.0, 2.0e4, (300.0, 1100.0), "Centre of the band that a monochrome sensor detects",
+        "response", "nm", precision=0, section=OPTICS, shown=chosen("colour", "MONO"))
+    band_width_nm: float = number(
+        "Band Width (nm)", 200.0, 0.1, 2.0e4, (5.0, 700.0), "Width of the band that a monochrome sensor detects",
+        "response", "nm", precision=0, section=OPTICS, shown=chosen("colour", "MONO"))
+    quantum_efficiency: float = fraction(
+        "Quantum Efficiency", 0.5, "Mean number of electrons per photon in the band, of a monochrome sensor",
+        "response", section=DETECTOR, shown=chosen("colour", "MONO"))
+    band_weights: Literal["EQUAL", "BAND"] = choice(
+        "Weights of R, G, B", "EQUAL", "How a monochrome camera adds up the bands of the pair. Grey ground looks the "
+        "same with both", "response",
+        ("EQUAL", "Equal", "The mean of R, G and B"),
+        ("BAND", "By the Band", "By how much of the camera's band and of the Sun's photons is theirs: brown ground "
+         "is brighter to a red camera"),
+        section=OPTICS, shown=chosen("colour", "MONO"), since="0.3")
+    colour: Literal["MONO", "BAYER"] = choice(
+        "Camera", "MONO", "Whether the camera sees colour. Both need the same render", "response",
+        ("MONO", "Monochrome", "Each pixel detects the whole band"),
+        ("BAYER", "Colour (Bayer)", "Each pixel is behind a red, green or blue filter, and the other two colours "
+         "come from its neighbours. Matchers get a grey image of all three"),
+        since="0.3")
+    bayer_pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = choice(
+        "Bayer Pattern", "RGGB", "Colours of the first two pixels of the first two rows", "response",
+        ("RGGB", "RGGB", "First row RG, second row GB"),
+        ("BGGR", "BGGR", "First row BG, second row GR"),
+        ("GRBG", "GRBG", "First row GR, second row BG"),
+        ("GBRG", "GBRG", "First row GB, second row RG"),
+        section=FILTERS, shown=MOSAIC, since="0.3")
+    demosaicing: Literal["BILINEAR", "MALVAR", "EDGE_AWARE"] = choice(
+        "Demosaicing", "MALVAR", "How the two missing colours of each pixel are found", "response",
+        ("BILINEAR", "Bilinear", "Mean of the nearest pixels of a colour. The softest"),
+        ("MALVAR", "Malvar", "Linear, with the detail of the pixel's own colour (Malvar, He and Cutler 2004), as on "
+         "Mars rovers"),
+        ("EDGE_AWARE", "Edge-Aware", "Green along edges, not across them; red and blue as Bilinear (OpenCV). The "
+         "pair viewer shows Malvar instead"),
+        section=FILTERS, shown=MOSAIC, since="0.3")
+    white_balance: Literal["SUN", "NONE"] = choice(
+        "White Balance", "SUN", "Factors on red, green and blue after demosaicing", "response",
+        ("SUN", "Sunlight", "White ground in sunlight is grey; the weaker colours are multiplied"),
+        ("NONE", "None", "The numbers of the sensor"),
+        section=FILTERS, shown=MOSAIC, since="0.3")
+    grey: Literal["LUMINANCE", "MEAN"] = choice(
+        "Grey for Matchers", "LUMINANCE", "How matchers get a colour image", "response",
+        ("LUMINANCE", "Luminance", "0.2126 red + 0.7152 green + 0.0722 blue (ITU-R BT.709), linear"),
+        ("MEAN", "Mean", "A third of each"),
+        section=FILTERS, shown=MOSAIC, since="0.3")
+    red_centre_nm: float = number(
+        "Red Centre (nm)", 615.0, 100.0, 2.0e4, (380.0, 720.0), "Wavelength at which the red filter passes most, with "
+        "a Gaussian around it", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+    red_half_width_nm: float = number(
+        "Red Half Width (nm)", 45.0, 0.1, 2.0e4, (10.0, 100.0), "Distance from the centre of the red filter at which "
+        "half is passed", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+    red_efficiency: float = fraction(
+        "Red Efficiency", 0.46, "Electrons per photon at the centre of the red filter, besides its leak", "response",
+        section=FILTERS, shown=MOSAIC, since="0.3")
+    green_centre_nm: float = number(
+        "Green Centre (nm)", 535.0, 100.0, 2.0e4, (380.0, 720.0), "Wavelength at which the green filter passes most, "
+        "with a Gaussian around it", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+    green_half_width_nm: float = number(
+        "Green Half Width (nm)", 46.0, 0.1, 2.0e4, (10.0, 100.0), "Distance from the centre of the green filter at "
+        "which half is passed", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+    green_efficiency: float = fraction(
+        "Green Efficiency", 0.55, "Electrons per photon at the centre of the green filter, besides its leak",
+        "response", section=FILTERS, shown=MOSAIC, since="0.3")
+    blue_centre_nm: float = number(
+        "Blue Centre (nm)", 450.0, 100.0, 2.0e4, (380.0, 720.0), "Wavelength at which the blue filter passes most, "
+        "with a Gaussian around it", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+    blue_half_width_nm: float = number(
+        "Blue Half Width (nm)", 50.0, 0.1, 2.0e4, (10.0, 100.0), "Distance from the centre of the blue filter at "
+        "which half is passed", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+    blue_efficiency: float = fraction(
+        "Blue Efficiency", 0.51, "Electrons per photon at the centre of the blue filter, besides its leak", "response",
+        section=FILTERS, shown=MOSAIC, since="0.3")
+    filter_leak: float = fraction(
+        "Filter Leak", 0.04, "Electrons per photon that every colour filter adds at all wavelengths that reach it",
+        "response", section=FILTERS, shown=MOSAIC, since="0.3")
+    cut_on_nm: float = number(
+        "Cut-On (nm)", 400.0, 100.0, 2.0e4, (350.0, 450.0), "Shortest wavelength that reaches the colour filters",
+        "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+    cut_off_nm: float = number(
+        "Cut-Off (nm)", 700.0, 100.0, 2.0e4, (620.0, 750.0), "Longest wavelength that reaches the colour filters: "
+        "that of an infrared cut-off filter", "response", "nm", precision=0, section=FILTERS, shown=MOSAIC, since="0.3")
+    full_well_e: float = number(
+        "Full Well (e-)", 2.0e4, 1.0, 1.0e7, (1000.0, 1.0e5), "Electrons that a pixel can hold before it saturates",
+        "response", "e-", precision=0, section=DETECTOR)
+    gain: float = number(
+        "Gain", 1.0, 0.01, 1000.0, (0.5, 16.0), "Gain, relative to the one at which a full well gives the largest "
+        "number", "response", section=DETECTOR)
+    read_noise_e: float = number(
+        "Read Noise (e-)", 15.0, 0.0, 1.0e5, (0.0, 100.0), "Standard deviation of the noise from reading a pixel",
+        "response", "e-", precision=1, section=NOISE)
+    shot_noise: bool = tick(
+        "Shot Noise", True, "Poisson noise of photo-electrons and dark current", "response", section=NOISE)
+    dark_current_e_s: float = number(
+        "Dark Current (e-/s)", 10.0, 0.0, 1.0e7, (0.0, 1000.0), "Electrons per second without light at the reference "
+        "temperature", "response", "e-/s", section=NOISE)
+    temperature_k: float = number(
+        "Temperature (K)", 253.0, 0.0, 500.0, (150.0, 330.0), "Temperature of the sensor, which changes the dark "
+        "current", "response", "K", precision=0, section=NOISE)
+    dark_reference_k: float = number(
+        "Dark Reference (K)", 293.0, 1.0, 500.0, (200.0, 330.0), "Temperature for which the dark current is given",
+        "response", "K", precision=0, section=NOISE)
+    dark_doubling_k: float = number(
+        "Dark Doubling (K)", 8.0, 1.0, 50.0, (4.0, 12.0), "Rise in temperature that doubles the dark current",
+        "response", "K", precision=1, section=NOISE)
+    prnu: float = fraction(
+        "PRNU", 0.0, "Photo-response non-uniformity: standard deviation of the pixels' sensitivity", "response",
+        section=NOISE)
+    dsnu_e: float = number(
+        "DSNU (e-)", 0.0, 0.0, 1.0e5, (0.0, 100.0), "Dark-signal non-uniformity: standard deviation of the pixels' "
+        "offsets", "response", "e-", precision=1, section=NOISE)
+    blooming: float = fraction(
+        "Blooming", 0.0, "Share of a full well's overflow that spreads along the column. The rest is drained",
+        "response", section=DETECTOR)
+    black_level: float = fraction(
+        "Black Level", 0.0, "Number that is read without light, as a share of the converter's range", "response",
+        high=0.5, section=DETECTOR)
+    bits: int = number(
+        "Bits", 8, 8, 16, None, "Bits of the analogue-to-digital converter", "response", "bits", section=DETECTOR)
+    psf_sigma_px: float = number(
+        "Point Spread (px)", 0.0, 0.0, 50.0, (0.0, 3.0), "Standard deviation of the lens's Gaussian point spread",
+        "response", "px", precision=2, section=OPTICS)
+    veiling_glare: float = fraction(
+        "Veiling Glare", 0.0, "Share of the light that is spread evenly over the image (ISO 9358)", "response",
+        section=OPTICS)
+    deposit_share: float = fraction(
+        "Lens Deposits", 0.0, "Share of the window before each lens that dust or frost covers", "response", high=0.95,
+        section=DEPOSITS, since="0.3")
+    deposit_mm: float = number(
+        "Grain (mm)", 0.5, 0.01, 50.0, (0.05, 5.0), "Diameter of a grain or flake on the window", "response", "mm",
+        section=DEPOSITS, since="0.3")
+    deposit_window_mm: float = number(
+        "Window (mm)", 20.0, 0.1, 1000.0, (5.0, 100.0), "Distance of the window from the entrance pupil of the lens. "
+        "The nearer, the wider and fainter are the spots", "response", "mm", section=DEPOSITS, since="0.3")
+    deposit_scatter: float = fraction(
+        "Scattered", 0.3, "Share of the light that deposits block which they scatter evenly over the image", "response",
+        section=DEPOSITS, since="0.3")
+    deposit_seed: int = number(
+        "Deposit Seed", 0, 0, 1000000, (0, 100), "Seed of the deposits. Another seed puts them elsewhere", "response",
+        section=DEPOSITS, since="0.3")
+    deposits_alike: bool = tick(
+        "Alike in Both Eyes", False, "Put deposits on the same places before both lenses", "response", section=DEPOSITS,
+        since="0.3")
+    radiation_flux_cm2_s: float = number(
+        "Particles (1/cm² s)", 0.0, 0.0, 1.0e12, (0.0, 1.0e6), "Charged particles that reach the sensor, per cm² and "
+        "second", "response", "1/(cm² s)", precision=0, section=RADIATION)
+    radiation_depth_um: float = number(
+        "Sensitive Depth (µm)", 10.0, 0.1, 1000.0, (2.0, 50.0), "Depth of silicon in which particles release electrons",
+        "response", "µm", precision=1, section=RADIATION, active=positive("radiation_flux_cm2_s"))
+    radiation_e_per_um: float = number(
+        "Ionisation (e-/µm)", 80.0, 0.0, 1.0e6, (50.0, 500.0), "Electrons that a particle releases per micrometre",
+        "response", "e-/µm", precision=0, section=RADIATION, active=positive("radiation_flux_cm2_s"))
+    noise_seed: int = number(
+        "Noise Seed", 0, 0, 2147483647, (0, 100), "Seed of the noise. Another seed gives other noise of the same "
+        "sensor", "response", section=NOISE)

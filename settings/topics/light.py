@@ -1,0 +1,125 @@
+"""The Sun, the planet and the stars."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from .declaration import ADVANCED, TOP, Section, Table, choice, degrees, fraction, metres, number, text, tick
+from .relevance import chosen, ticked
+
+DATED = ~chosen("directions_from", "ANGLES")
+PLANET = Section("planet", "Planet", "The planet in the sky and its light", switch="planet")
+STARS = Section("stars", "Stars", "Stars in the sky, which do not light the ground", switch="stars")
+BALANCE = Section("balance", "Light at Evaluation", "Brightness of the light; changes need no new render")
+
+
+class LightSettings(Table, label="Light"):
+    """The Sun and the planet, which are the only light on the ground."""
+
+    __slots__ = ()
+    directions_from: Literal["ANGLES", "DATE", "KERNELS"] = choice(
+        "Sky Positions", "ANGLES", "How the positions of the Sun and the planet are given", "light",
+        ("ANGLES", "Angles", "By the angles below"),
+        ("DATE", "Date", "By body, date and site: orbital elements, within 0.25° from 2000 to 2060"),
+        ("KERNELS", "SPICE Kernels", "By body, date and site, exactly. Needs SPICE kernels and SpiceyPy"),
+        section=TOP)
+    body: str = text(
+        "Moon's Name", "ENCELADUS", "Moon of the site: ENCELADUS or EUROPA. SPICE kernels allow others", "light",
+        "name", shown=DATED)
+    parent: str = text(
+        "Planet's Name", "SATURN", "Planet that the moon orbits, by its name in the kernels", "light", "name",
+        section=ADVANCED, shown=chosen("directions_from", "KERNELS"))
+    date_utc: str = text(
+        "Date (UTC)", "2038-06-01T12:00:00", "Date and time of the scene, such as 2038-06-01T12:00:00", "light", "name",
+        shown=DATED)
+    latitude_deg: float = degrees(
+        "Latitude", -80.0, -90.0, 90.0, "Planetocentric latitude of the site. It sets the elevation of the poles; a "
+        "Sun given by angles does not depend on it", "light", active=DATED | ticked("planet") | ticked("stars"))
+    longitude_deg: float = degrees(
+        "Longitude", 0.0, -360.0, 360.0, "East longitude of the site. The planet is above longitude -4 on Enceladus "
+        "and -1.5 on Europa", "light", shown=DATED)
+    kernels: str = text(
+        "Kernels", "", "A meta-kernel, or a folder from which all kernels are loaded", "light", "read",
+        subtype="FILE_PATH", shown=chosen("directions_from", "KERNELS"))
+    sun_irradiance_wm2: float = number(
+        "Sun Irradiance (W/m²)", 14.82, 0.0, 1.0e5, (0.0, 100.0), "Solar irradiance of a surface that faces the Sun. "
+        "Over all wavelengths: 14.82 at Saturn, 50.26 at Jupiter (1361 W/m² / distance² in au)", "light", "W/m²",
+        section=ADVANCED, shown=~DATED)
+    sun_angular_diameter_deg: float = degrees(
+        "Sun Diameter", 0.0556, 0.0, 90.0, "Apparent diameter of the Sun: 0.0556 at Saturn, 0.1024 at Jupiter. It "
+        "sets the softness of shadows", "light", (0.0, 1.0), 4, section=ADVANCED, shown=~DATED)
+    irradiance_band: Literal["BOLOMETRIC", "CAMERA"] = choice(
+        "Irradiance Band", "BOLOMETRIC", "Wavelengths that the irradiance includes. The camera response uses the part "
+        "in the band of the camera", "response",
+        ("BOLOMETRIC", "All Wavelengths", "The solar constant, scaled to the distance"),
+        ("CAMERA", "Camera Band", "Only the wavelengths that the camera detects"),
+        section=BALANCE)
+    sun_scale: float = number(
+        "Sun Factor", 1.0, 0.0, 1.0e6, (0.0, 10.0), "Factor on the Sun's light when images are evaluated", "response",
+        section=BALANCE)
+    planet_scale: float = number(
+        "Planet Factor", 1.0, 0.0, 1.0e6, (0.0, 10.0), "Factor on the planet's light when images are evaluated",
+        "response", section=BALANCE, active=ticked("planet"))
+    sun_temperature_k: float = number(
+        "Sun Temperature (K)", 5772.0, 500.0, 5.0e4, (3000.0, 1.0e4), "Colour temperature of the Sun. It sets the "
+        "share of the camera's band and the balance of R, G and B, which are equal at 5772", "light", "K", precision=0,
+        section=ADVANCED)
+    sun_elevation_deg: float = degrees(
+        "Sun Elevation", 20.0, -90.0, 90.0, "Angle of the Sun's centre above the horizon; night below 0", "light",
+        section=TOP, shown=~DATED)
+    sun_azimuth_deg: float = degrees(
+        "Sun Azimuth", 60.0, -360.0, 360.0, "Direction of the Sun from north (+Y) over east (+X)", "light", section=TOP,
+        shown=~DATED)
+    sun_distance_m: float = metres(
+        "Sun Distance", 0.0, 0.0, 1.0e4, (0.0, 10.0), "Distance of a lamp in place of the Sun from the origin of the "
+        "site, as in a laboratory: a sphere with the Sun's diameter and irradiance as seen from there. 0 for the real "
+        "Sun", "light", zero="real Sun", section=ADVANCED, since="0.3")
+    planet: bool = tick(
+        "Planet", False, "Show the planet that the moon orbits in the sky, lit by the Sun, and light the ground by it",
+        "light", section=PLANET)
+    planet_elevation_deg: float = degrees(
+        "Planet Elevation", 10.0, -90.0, 90.0, "Angle of the planet's centre above the horizon. It gives no light if "
+        "all of it is below the horizon", "light", section=PLANET, shown=~DATED, active=ticked("planet"))
+    planet_azimuth_deg: float = degrees(
+        "Planet Azimuth", 0.0, -360.0, 360.0, "Direction of the planet from north (+Y) over east (+X)", "light",
+        section=PLANET, shown=~DATED, active=ticked("planet"))
+    planet_angular_diameter_deg: float = degrees(
+        "Planet Diameter", 29.33, 0.0, 120.0, "Apparent diameter of the equator: 29.33 for Saturn from Enceladus, "
+        "12.23 for Jupiter from Europa", "light", (0.0, 40.0), section=PLANET, shown=~DATED, active=ticked("planet"))
+    planet_flattening: float = fraction(
+        "Planet Flattening", 0.0, "1 - polar radius / equatorial radius: 0.098 for Saturn, 0.065 for Jupiter", "light",
+        high=0.5, section=PLANET, shown=~DATED, active=ticked("planet"))
+    planet_albedo: float = fraction(
+        "Planet Albedo", 0.499, "Geometric albedo: brightness at full phase relative to a white disc of the same size",
+        "light", high=2.0, section=PLANET, active=ticked("planet"))
+    planet_phase_law: Literal["LAMBERT", "SATURN", "JUPITER"] = choice(
+        "Planet Phase Law", "LAMBERT", "How the planet's brightness falls with its phase", "light",
+        ("LAMBERT", "Lambert", "A matt sphere"),
+        ("SATURN", "Saturn", "Published curve of Saturn's globe (Mallama and Hilton 2018)"),
+        ("JUPITER", "Jupiter", "Published curve of Jupiter (Mallama and Hilton 2018)"),
+        section=PLANET, active=ticked("planet"))
+    planet_least: float = number(
+        "Minimum Planet Light", 1.0e-4, 0.0, 1.0, (0.0, 0.01), "Ratio of the planet's light to the Sun's below which "
+        "the planet does not light the ground by day: camera noise would hide it. 0 to always light it", "light",
+        precision=6, section=PLANET, active=ticked("planet"))
+    planet_rings: bool = tick(
+        "Planet Rings", False, "Saturn's rings A, B and C with the Cassini Division, and their shadow, which takes up "
+        "to 20 % of the planet's light. Enceladus sees them edge-on; raise Planet Elevation to open them", "light",
+        section=PLANET, active=ticked("planet"))
+    planet_face: Literal["PLAIN", "SATURN", "JUPITER"] = choice(
+        "Planet Face", "PLAIN", "Pattern of the planet's clouds. It changes the planet in the images and the colour "
+        "of its light, not how much light it gives", "light",
+        ("PLAIN", "Plain", "A matt globe without a pattern"),
+        ("SATURN", "Saturn", "Saturn's bands, limb darkening and colour"),
+        ("JUPITER", "Jupiter", "Jupiter's belts and zones, Great Red Spot, limb darkening and colour"),
+        section=PLANET, active=ticked("planet"), since="0.3")
+    planet_spot_longitude_deg: float = degrees(
+        "Red Spot Longitude", 0.0, -360.0, 360.0, "Longitude of Jupiter's Great Red Spot, east of the meridian that "
+        "faces the moon", "light", section=PLANET, active=ticked("planet"), since="0.3")
+    stars: bool = tick(
+        "Stars", False, "Show stars in the sky at their true brightness. They do not light the ground", "light",
+        section=STARS)
+    stars_faintest_mag: float = number(
+        "Faintest Star (mag)", 2.5, -2.0, 8.0, (0.0, 6.5), "Faintest V magnitude of the stars. Stars down to 2.5 are "
+        "real; fainter ones are random, in their true number", "light", "mag", precision=1, section=STARS,
+        active=ticked("stars"))

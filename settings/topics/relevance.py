@@ -1,0 +1,72 @@
+"""When a setting is relevant: conditions on other settings, written beside its declaration.
+
+A condition names settings of the same topic by their key and others by ``topic.key``. It is asked of the settings of a
+scene, as plain data or as ``Scene.icymoon``. Conditions join with ``&``, ``|`` and ``~``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The settings of a scene, asked for a setting of ``topic``. ``root`` holds them, by topic."""
+
+    root: Any
+    topic: str
+
+    def value(self, name: str) -> Any:
+        """The value of a setting of the same topic (``key``) or of another one (``topic.key``)."""
+        topic, dot, key = name.partition(".")
+        return getattr(getattr(self.root, topic), key) if dot else getattr(getattr(self.root, self.topic), name)
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A test of the settings of a scene."""
+
+    test: Callable[[Asked], bool]
+
+    def __call__(self, root: Any, topic: str) -> bool:
+        """Whether the condition holds for a setting of ``topic``; ``root`` holds all settings."""
+        return self.test(Asked(root, topic))
+
+    def __and__(self, other: Condition) -> Condition:
+        return Condition(lambda asked: self.test(asked) and other.test(asked))
+
+    def __or__(self, other: Condition) -> Condition:
+        return Condition(lambda asked: self.test(asked) or other.test(asked))
+
+    def __invert__(self) -> Condition:
+        return Condition(lambda asked: not self.test(asked))
+
+
+ALWAYS = Condition(lambda asked: True)
+
+
+def chosen(name: str, *choices: str) -> Condition:
+    """One of these choices is selected."""
+    return Condition(lambda asked: asked.value(name) in choices)
+
+
+def ticked(name: str) -> Condition:
+    """A tick is set."""
+    return Condition(lambda asked: bool(asked.value(name)))
+
+
+def positive(name: str) -> Condition:
+    """A number is above 0."""
+    return Condition(lambda asked: asked.value(name) > 0)
+
+
+def nonzero(*names: str) -> Condition:
+    """One of these numbers differs from 0."""
+    return Condition(lambda asked: any(asked.value(name) != 0 for name in names))
+
+
+def of_topic(topic: str) -> Condition:
+    """The setting is one of this topic, and not of another with the same settings."""
+    return Condition(lambda asked: asked.topic == topic)

@@ -1,0 +1,88 @@
+"""Rocks on the ground."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from .declaration import ADVANCED, ELSEWHERE, Section, Table, choice, degrees, fraction, metres, number, text, tick
+from .ground import GRADED
+from .relevance import chosen, positive
+
+SHAPE = Section("shape", "Shape", "Shape, tilt and burial of each rock")
+PLACE = Section("place", "Placement", "Clusters, clear ground, rocks beyond the patch and maximum number")
+
+
+class RocksSettings(Table, label="Rocks", turned_on_by="coverage"):
+    """Rocks on the ground."""
+
+    __slots__ = ()
+    law: Literal["POWER", "GOLOMBEK", "TABLE"] = choice(
+        "Size Law", "POWER", "Distribution of the sizes of rocks", "geometry",
+        ("POWER", "Power Law", "N(>D) ~ D^-index, as fitted to block counts on Enceladus"),
+        ("GOLOMBEK", "Golombek", "Covered share k exp(-q D), q = 1.79 + 0.152/k per m, k the coverage: fitted to "
+         "rocks on Mars, an analogue"),
+        ("TABLE", "From a Table", "Places and diameters are those of the file below. Coverage only turns rocks on, "
+         "and sizes and clusters have no effect"),
+        section=ADVANCED)
+    file: str = text(
+        "Table of Rocks", "", "CSV file whose first line names the columns x_m, y_m (east and north of the origin) "
+        "and diameter_m. // is the folder of the .blend file", "geometry", "read", subtype="FILE_PATH",
+        section=ADVANCED, shown=chosen("law", "TABLE"), since="0.3")
+    coverage: float = fraction(
+        "Coverage", 0.0, "Share of the ground under rocks, counting overlaps twice; 0 for none. Golombek's law counts "
+        "rocks of all sizes, also those that are not made", "geometry", high=0.5)
+    smallest_m: float = metres(
+        "Smallest", 0.1, 1.0e-3, 100.0, (0.02, 1.0), "Diameter of the smallest rocks", "geometry",
+        shown=chosen("law", "POWER", "GOLOMBEK"))
+    largest_m: float = metres(
+        "Largest", 0.8, 1.0e-3, 100.0, (0.05, 5.0), "Diameter of the largest rocks", "geometry",
+        shown=chosen("law", "POWER", "GOLOMBEK"))
+    power_index: float = number(
+        "Size Index", 3.0, 0.5, 6.0, (1.0, 5.0), "Exponent of the cumulative power law N(>D) ~ D^-index. A higher "
+        "index gives more small rocks", "geometry", section=ADVANCED, shown=chosen("law", "POWER"))
+    family: Literal["MIXED", "FRAGMENTS", "BOULDERS", "SLABS", "BROKEN_ICE"] = choice(
+        "Shapes", "MIXED", "What the rocks look like", "geometry",
+        ("MIXED", "Mixed", "Fragments, boulders and slabs in equal numbers"),
+        ("FRAGMENTS", "Fragments", "Broken polyhedra"),
+        ("BOULDERS", "Boulders", "Worn and lumpy"),
+        ("SLABS", "Slabs", "Flat plates with broken sides"),
+        ("BROKEN_ICE", "Broken Ice", "Cleaved rocks with stepped faces and chipped corners"),
+        section=SHAPE)
+    angularity: float = fraction(
+        "Angularity", 0.7, "0 for worn, round rocks, 1 for fresh fragments with sharp edges. Boulders are always half "
+        "worn", "geometry", section=SHAPE)
+    elongation: float = number(
+        "Elongation", 1.4, 1.0, 5.0, (1.0, 3.0), "Median of a rock's length divided by its width, seen from above",
+        "geometry", section=SHAPE)
+    height_ratio: float = number(
+        "Height over Width", 0.6, 0.05, 3.0, (0.2, 1.5), "Median of a rock's height divided by its mean width. Slabs "
+        "have 0.45 of it", "geometry", section=SHAPE)
+    tilt_deg: float = degrees(
+        "Tilt", 15.0, 0.0, 180.0, "RMS tilt of rocks against the ground, about each of two axes", "geometry",
+        (0.0, 60.0), section=SHAPE)
+    burial: float = fraction(
+        "Burial", 0.25, "Mean share of a rock's height that is below the ground", "geometry", high=0.9, section=SHAPE)
+    clustering: float = fraction(
+        "Clustering", 0.0, "Share of the rocks that are in clusters. The others are anywhere", "geometry",
+        section=PLACE, shown=chosen("law", "POWER", "GOLOMBEK"))
+    cluster_blocks: float = number(
+        "Rocks per Cluster", 20.0, 1.0, 1.0e5, (2.0, 200.0), "Mean number of rocks in a cluster", "geometry", "rocks",
+        section=PLACE, shown=chosen("law", "POWER", "GOLOMBEK"), active=positive("clustering"))
+    cluster_radius_m: float = metres(
+        "Cluster Radius", 1.0, 1.0e-3, 1.0e4, (0.1, 10.0), "Standard deviation of the distances of rocks, east and "
+        "north, from the centre of their cluster", "geometry", section=PLACE, shown=chosen("law", "POWER", "GOLOMBEK"),
+        active=positive("clustering"))
+    clear_radius_m: float = metres(
+        "Clear Radius", 0.0, 0.0, 1.0e4, (0.0, 5.0), "Radius around the site of the camera that is free of rocks, "
+        "such as for a lander", "geometry", section=PLACE)
+    most: int = number(
+        "Maximum Rocks", 20000, 0, 200000, (0, 50000), "Maximum number of rocks. Above it the smallest rocks are left "
+        "out, with a warning", "geometry", "rocks", section=PLACE)
+    beyond_px: float = number(
+        "Smallest Beyond the Patch", 0.0, 0.0, 1000.0, (0.0, 10.0), "Rocks lie beyond the patch too, to the horizon, "
+        "wherever they are at least this wide in the image; 0 for none there. The maximum number of rocks holds there "
+        "once more", "geometry", "px", subtype="PIXEL", section=PLACE, shown=GRADED & ~chosen("law", "TABLE"),
+        since="0.3")
+    own_surface: bool = tick(
+        "Own Surface", False, "Make rocks from the settings of Rock Surface instead of those of the ground", "material",
+        section=ELSEWHERE)

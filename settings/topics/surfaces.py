@@ -1,0 +1,346 @@
+"""Photometry of the ice and of the rocks."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from . import stand_ins
+from .declaration import (
+    ADVANCED,
+    ELSEWHERE,
+    Section,
+    Table,
+    choice,
+    degrees,
+    fraction,
+    image_file,
+    metres,
+    number,
+    signed,
+)
+from .relevance import chosen, nonzero, of_topic, positive, ticked
+
+PRINCIPLED = chosen("model", "PRINCIPLED")
+DIRTY = ~chosen("dirt", "BLACK")
+#: Dirt that follows the relief. Rocks have no troughs.
+SOILED = nonzero("slope_dirt") | (nonzero("trough_dirt") & of_topic("surface"))
+#: Images that lie on the ground by its UV coordinates; a mesh's own images always do.
+BY_UV = chosen("set", "MESH") | (~chosen("set", "NONE") & chosen("mapping", "UV"))
+DIRT = Section("dirt", "Colour, Dirt and Salts", "Colour of the ice, and darker or redder ground on it")
+GRAIN = Section("grain", "Grains", "Relief that is finer than the mesh, and glints")
+LAYERS = Section("layers", "In and on the Ice", "What is in the ice and on it")
+
+
+class SurfaceSettings(Table, label="Ice"):
+    """Snow or ice that the ground is made of."""
+
+    __slots__ = ()
+    model: Literal[
+        "PRINCIPLED", "LAMBERT", "LOMMEL_SEELIGER", "LUNAR_LAMBERT", "HAPKE", "SNOW"
+    ] = choice("Model", "PRINCIPLED", "Reflectance law of the surface", "material",
+        ("PRINCIPLED", "Snow (Principled)", "Like snow and ice on Earth, with gloss and light below the surface. No "
+         "opposition surge; costs 1.4 times Lambert, or 7 times if all light is subsurface"),
+        ("LAMBERT", "Lambert", "Equally bright from every direction; the cheapest law. No opposition surge and no "
+         "phase function: up to 18 % error in the mean of a sunlit scene of ice"),
+        ("LOMMEL_SEELIGER", "Lommel-Seeliger", "Single scattering, as in dark dust. Ice reflects mostly multiply "
+         "scattered light, which this law omits; costs little more than Lambert"),
+        ("LUNAR_LAMBERT", "Lunar-Lambert", "Lommel-Seeliger and Lambert mixed, as used for mosaics of moons. No "
+         "phase function and no opposition surge; costs little more than Lambert"),
+        ("HAPKE", "Hapke", "Ice of grains, as moons are modelled; no gloss. Phase function, opposition surge and "
+         "roughness are in the Hapke panel; costs 1.2 times Lambert, 1.8 times without OSL"),
+        ("SNOW", "Snow (Measured)", "Snow on Earth as measured, brighter against the light; no gloss. Within about 5 "
+         "% for a Sun at least 20 degrees high, seen at most 60 degrees from the normal; no opposition surge; costs "
+         "little more than Lambert"))
+    albedo: float = fraction(
+        "Albedo (Brightness)", 0.9, "Share of the light that clean, flat ice reflects under uniform light from all "
+        "directions", "material", shown=~chosen("model", "HAPKE"), active=~(PRINCIPLED & positive("bubble_share")))
+    lommel_seeliger_share: float = fraction(
+        "Lommel-Seeliger Share", 0.7, "Share of Lommel-Seeliger in the lunar-Lambert law. The albedo does not depend "
+        "on it", "material", section=ADVANCED, shown=chosen("model", "LUNAR_LAMBERT"))
+    ice_colour: Literal["GREY", "SNOW", "EUROPA_PLAINS", "ENCELADUS_PLAINS"] = choice(
+        "Ice Colour", "GREY", "Colour of clean ice. The albedo stays its mean over red, green and blue", "material",
+        ("GREY", "Grey", "The same in all bands"),
+        ("SNOW", "Snow", "Pure snow, by its grains: bluer the coarser it is (Warren and Brandt 2008)"),
+        ("EUROPA_PLAINS", "Europa's Plains", "Slightly yellow; assumed"),
+        ("ENCELADUS_PLAINS", "Enceladus' Plains", "Nearly grey (Buratti 1984)"),
+        section=DIRT, active=~(PRINCIPLED & positive("bubble_share")), since="0.3")
+    snow_grain_m: float = metres(
+        "Snow Grain Radius", 1.0e-4, 1.0e-6, 0.01, (2.5e-5, 2.0e-3), "Optical radius of the grains of snow, which "
+        "sets its colour: 25 µm for frost, 1 mm for old snow", "material", section=DIRT,
+        shown=chosen("ice_colour", "SNOW"), active=~(PRINCIPLED & positive("bubble_share")), since="0.3")
+    albedo_variation: float = fraction(
+        "Albedo Variation", 0.0, "Depth of the random dark patches as a share of the albedo", "material", section=DIRT)
+    face_variation: float = fraction(
+        "Face Variation", 0.0, "How much the faces of rocks differ: a face is darker by up to this share of the "
+        "albedo, and its roughness is up to this much higher or lower", "material", section=DIRT, since="0.3")
+    albedo_patch_m: float = metres(
+        "Albedo Patch", 0.5, 1.0e-4, 1.0e4, (0.01, 10.0), "Wavelength of the dark patches", "material", section=DIRT,
+        active=positive("albedo_variation"))
+    trough_dirt: float = signed(
+        "Dirt in Troughs", "Darkening of low ground. Compares heights one standard deviation below and above the mean "
+        "plane; negative to darken high ground", "material", section=DIRT)
+    slope_dirt: float = signed(
+        "Dirt on Slopes", "Darkening of slopes of 45 degrees and more, compared with level ground; negative to darken "
+        "level ground", "material", section=DIRT)
+    dirt: Literal["BLACK", "EUROPA_DARK", "SULPHUR", "THOLIN"] = choice(
+        "Dirt", "BLACK", "What lies in troughs and on slopes, and covers the share of their area that is stated above",
+        "material",
+        ("BLACK", "Black", "Reflects nothing, so the ice is darker and keeps its colour"),
+        ("EUROPA_DARK", "Dark Material", "Europa's, brown: 0.17 in green (Helfenstein et al. 1998), 1.25 of that in "
+         "red and 0.6 in blue, assumed"),
+        ("SULPHUR", "Sulphur", "Yellow-brown products of radiolysis; a guess"),
+        ("THOLIN", "Red Organics", "Tholin, not found on either moon; assumed"),
+        section=DIRT, active=SOILED, since="0.3")
+    dirt_patch_m: float = metres(
+        "Dirt Patch", 0.0, 0.0, 1.0e4, (0.0, 5.0), "Wavelength of patches that dirt covers wholly, with clean ice "
+        "between them; 0 for an even mixture. Black dirt is always even", "material", section=DIRT,
+        active=SOILED & DIRTY, since="0.3")
+    salt_share: float = fraction(
+        "Salt Share", 0.0, "Share of the ground that is stained by salts", "material", section=DIRT)
+    salt_patch_m: float = metres(
+        "Salt Patch", 1.0, 1.0e-4, 1.0e4, (0.05, 20.0), "Wavelength of the stains", "material", section=DIRT,
+        active=positive("salt_share"))
+    salt: Literal[
+        "OWN", "EUROPA_SALT", "IRRADIATED_SALT", "SULPHATE_SALTS", "ACID_HYDRATE", "SULPHUR", "EUROPA_DARK"
+    ] = choice("Salt", "OWN", "What the stains are", "material",
+        ("OWN", "Own Colour", "By the reflectances relative to clean ice that are stated below. Of a small share "
+         "that is asked for, about 0.6 is covered"),
+        ("EUROPA_SALT", "Europa's Salt", "Table salt with the faint band that Europa shows near 450 nm (Trumbo et "
+         "al. 2019)"),
+        ("IRRADIATED_SALT", "Irradiated Salt", "Table salt after irradiation in the laboratory: yellow"),
+        ("SULPHATE_SALTS", "Hydrated Sulphates", "Hydrates of magnesium and sodium sulphate: white"),
+        ("ACID_HYDRATE", "Acid Hydrate", "Hydrate of sulphuric acid: white"),
+        ("SULPHUR", "Sulphur", "Yellow-brown products of radiolysis; a guess"),
+        ("EUROPA_DARK", "Dark Material", "Europa's, brown, as for Dirt"),
+        section=DIRT, active=positive("salt_share"), since="0.3")
+    salt_red: float = fraction(
+        "Salt Red", 1.0, "Reflectance of stained ice relative to clean ice, in red", "material", section=DIRT,
+        shown=chosen("salt", "OWN"), active=positive("salt_share"))
+    salt_green: float = fraction(
+        "Salt Green", 0.85, "Reflectance of stained ice relative to clean ice, in green", "material", section=DIRT,
+        shown=chosen("salt", "OWN"), active=positive("salt_share"))
+    salt_blue: float = fraction(
+        "Salt Blue", 0.6, "Reflectance of stained ice relative to clean ice, in blue. Irradiated salt absorbs near "
+        "0.45 µm", "material", section=DIRT, shown=chosen("salt", "OWN"), active=positive("salt_share"))
+    subsurface_weight: float = fraction(
+        "Subsurface Weight", 0.0, "Share of the light that enters the snow and leaves it elsewhere (random walk). A "
+        "render with 1 takes about five times as long as with 0", "material", shown=PRINCIPLED)
+    subsurface_radius_m: float = metres(
+        "Subsurface Radius", 5.0e-3, 0.0, 10.0, (0.0, 0.1), "Mean free path of light in the snow", "material",
+        section=ADVANCED, shown=PRINCIPLED, active=positive("subsurface_weight"))
+    subsurface_method: Literal["RANDOM_WALK", "BURLEY"] = choice(
+        "Subsurface Law", "RANDOM_WALK", "How light that enters the snow is followed", "material",
+        ("RANDOM_WALK", "Random Walk", "From one scattering to the next, through the shape of the ground"),
+        ("BURLEY", "Burley", "By a profile that was fitted to flat surfaces. It takes a third of the time, but "
+         "matchers err on 4 % more pixels"),
+        section=ADVANCED, shown=PRINCIPLED, active=positive("subsurface_weight"), since="0.3")
+    transmission: float = fraction(
+        "Transmission", 0.0, "Share of the light that enters clear ice, see Transmitted Light", "material",
+        section=ADVANCED, shown=PRINCIPLED)
+    transmitted: Literal["LOST", "THROUGH"] = choice(
+        "Transmitted Light", "LOST", "Where the light goes that enters clear ice", "material",
+        ("LOST", "Lost", "Deep ice: what enters it does not come back. The surface becomes darker"),
+        ("THROUGH", "Through Rocks", "Passes through rocks and lights what is behind them along straight lines, less "
+         "what pure ice absorbs on its way. In the ground it is lost; the albedo is that of the rest"),
+        section=ADVANCED, shown=PRINCIPLED, active=positive("transmission"), since="0.3")
+    roughness: float = fraction(
+        "Roughness", 0.6, "Microfacet roughness of the specular reflection", "material", shown=PRINCIPLED)
+    specular: float = fraction(
+        "Specular Level", 0.5, "Strength of the specular reflection; 0.5 is the value of the refractive index",
+        "material", section=ADVANCED, shown=PRINCIPLED)
+    refractive_index: float = number(
+        "Refractive Index", 1.31, 1.0, 3.0, (1.0, 2.0), "Refractive index of the ice; 1.31 for water ice in visible "
+        "light", "material", section=ADVANCED, shown=PRINCIPLED)
+    bubble_share: float = fraction(
+        "Bubbles", 0.0, "Share of the ice's volume that is air bubbles, which make it white: 0.05 is whitish, 0.001 "
+        "deep blue. Its albedo in red, green and blue then follows from the bubbles; 0 for the albedo above",
+        "material", high=0.5, section=LAYERS, shown=PRINCIPLED, since="0.3")
+    bubble_radius_m: float = metres(
+        "Bubble Radius", 5.0e-4, 1.0e-6, 0.1, (1.0e-5, 5.0e-3), "Radius of the bubbles. Larger ones scatter less, so "
+        "that the ice is bluer", "material", section=LAYERS, shown=PRINCIPLED, active=positive("bubble_share"),
+        since="0.3")
+    bubble_band_m: float = metres(
+        "Bubble Bands", 0.0, 0.0, 1000.0, (0.0, 2.0), "Mean distance between bands of clearer and whiter ice, with a "
+        "quarter to four times the bubbles; each rock has its own. 0 for even ice", "material", section=LAYERS,
+        shown=PRINCIPLED, active=positive("bubble_share"), since="0.3")
+    fracture_share: float = fraction(
+        "Fractures Within", 0.0, "Share of the fracture planes inside the ice that is open, as white veils where one "
+        "looks along them. They are seen as deep as bubbles, transmission or the subsurface radius let light in",
+        "material", section=LAYERS, shown=PRINCIPLED, since="0.3")
+    fracture_spacing_m: float = metres(
+        "Fracture Spacing", 0.15, 1.0e-3, 1000.0, (0.02, 1.0), "Mean distance between the planes of each of three "
+        "sets of fractures; each rock has its own", "material", section=LAYERS, shown=PRINCIPLED,
+        active=positive("fracture_share"), since="0.3")
+    frost_share: float = fraction(
+        "Frost", 0.0, "Share of the ice that is under thin frost where it is level. Faces steeper than 65 degrees "
+        "have none", "material", section=LAYERS, shown=PRINCIPLED, since="0.3")
+    frost_patch_m: float = metres(
+        "Frost Patch", 0.15, 1.0e-4, 1.0e4, (0.01, 5.0), "Wavelength of the patches of frost", "material",
+        section=LAYERS, shown=PRINCIPLED, active=positive("frost_share"), since="0.3")
+    patch_raggedness: float = fraction(
+        "Ragged Patches", 0.0, "How ragged the edges of patches of frost and of dirt are: the share of their variance "
+        "that has an eighth of their wavelength and less", "material", section=LAYERS, shown=PRINCIPLED | DIRTY,
+        active=(PRINCIPLED & positive("frost_share")) | (DIRTY & positive("dirt_patch_m")), since="0.3")
+    frost_albedo: float = fraction(
+        "Frost Albedo", 0.9, "Albedo of the frost", "material", section=LAYERS, shown=PRINCIPLED,
+        active=positive("frost_share"), since="0.3")
+    crust_share: float = fraction(
+        "Crust", 0.0, "Share of the snow with a crust: a smooth, slightly glossy skin, broken into patches", "material",
+        section=LAYERS, shown=PRINCIPLED, since="0.3")
+    crust_patch_m: float = metres(
+        "Crust Patch", 0.8, 1.0e-3, 1.0e4, (0.05, 10.0), "Wavelength of the patches of crust", "material",
+        section=LAYERS, shown=PRINCIPLED, active=positive("crust_share"), since="0.3")
+    crust_height_m: float = metres(
+        "Crust Thickness", 6.0e-3, 0.0, 1.0, (0.0, 0.03), "Height of the step at the edge of the crust, which is "
+        "shaded and not in the true depth", "material", section=LAYERS, shown=PRINCIPLED,
+        active=positive("crust_share"), since="0.3")
+    crust_roughness: float = fraction(
+        "Crust Roughness", 0.55, "Microfacet roughness of the crust", "material", section=LAYERS, shown=PRINCIPLED,
+        active=positive("crust_share"), since="0.3")
+    glint_share: float = fraction(
+        "Glints", 0.0, "Share of the light that leaves the snow by facets of grains, which glint in the Sun, near "
+        "ones to one eye only; 0 for none. A guess: 0.03 for fresh snow", "material", high=0.5, section=GRAIN,
+        shown=PRINCIPLED, since="0.3")
+    glint_size_m: float = metres(
+        "Glint Size", 1.0e-3, 1.0e-5, 0.1, (1.0e-4, 0.01), "Size of a grain that glints. Where a pixel is larger, it "
+        "has one facet for all of its grains", "material", section=GRAIN, shown=PRINCIPLED,
+        active=positive("glint_share"), since="0.3")
+    grain_size_m: float = metres(
+        "Grain Size", 0.03, 1.0e-4, 1000.0, (1.0e-3, 1.0), "Wavelength of the fine relief, which is finer than the "
+        "mesh", "material", section=GRAIN, active=positive("grain_amplitude_m"))
+    grain_amplitude_m: float = metres(
+        "Grain Relief", 4.0e-3, 0.0, 1.0, (0.0, 0.05), "Height of the fine relief, from its lowest to its highest "
+        "point", "material", section=GRAIN)
+    grain_patchiness: float = fraction(
+        "Patchy Grain", 0.0, "How much the height of the fine relief differs from place to place, at the same RMS "
+        "height: 0 is equally rough everywhere, 1 has smooth places beside rough ones", "material", section=GRAIN,
+        active=positive("grain_amplitude_m"), since="0.3")
+    relief: Literal["BUMP", "DISPLACEMENT", "REAL"] = choice(
+        "Fine Relief", "REAL", "How the fine relief is made", "material",
+        ("BUMP", "Bump", "Changes only the shading: the true depth is that of the mesh. Costs no time"),
+        ("DISPLACEMENT", "Displacement", "Moves the vertices of the mesh, and so depth and shadows. Wavelengths "
+         "below two vertex spacings are lost, and Build Scene reports how much"),
+        ("REAL", "Real", "Moves the vertices where the relief is over half a pixel high, with a mesh as fine as the "
+         "image there. Below that, on rocks and on ground from a file it is bump"),
+        section=GRAIN, active=positive("grain_amplitude_m"))
+
+
+class HapkeSettings(Table, label="Hapke", inside="surface", shown=chosen("surface.model", "HAPKE") |
+        (ticked("rocks.own_surface") & chosen("rock_surface.model", "HAPKE"))):
+    """Parameters of Hapke's law, for every surface that uses it."""
+
+    __slots__ = ()
+    w: float = fraction(
+        "Albedo w (Brightness)", 0.964, "Single-scattering albedo: share of the light on a grain that the grain "
+        "scatters (w). Clean ice is above 0.95", "material", section=ELSEWHERE)
+    b: float = number(
+        "Lobe Width b", 0.429, -0.99, 0.99, (0.0, 0.9), "Asymmetry of both lobes of the phase function. 0 scatters "
+        "evenly, near 1 the lobes are narrow; negative values reverse them", "material")
+    c: float = number(
+        "Lobe Share c", 0.113, -1.0, 1.0, None, "Balance of the lobes as in Hapke (2012): 1 is all backward, -1 all "
+        "forward. McGuire and ISIS use (1 + c)/2", "material", active=nonzero("b"))
+    b_s0: float = number(
+        "Shadow-Hiding Amplitude", 0.5, 0.0, 3.0, (0.0, 1.0), "Height of the opposition surge by shadow hiding (BS0). "
+        "Values above 1 include coherent backscatter", "material", section=ADVANCED)
+    h_s: float = number(
+        "Shadow-Hiding Width", 1.6e-3, 0.0, 10.0, (0.0, 0.1), "Tangent of half the phase angle at which shadow hiding "
+        "has half its height; 0 for no surge", "material", precision=5, section=ADVANCED, active=nonzero("b_s0"))
+    b_c0: float = fraction(
+        "Backscatter Amplitude", 0.0, "Height of the opposition surge by coherent backscatter (BC0), as a share of "
+        "all light", "material", section=ADVANCED)
+    h_c: float = number(
+        "Backscatter Width", 0.0, 0.0, 10.0, (0.0, 0.1), "Half-width of coherent backscatter, as tangent of half the "
+        "phase angle; 0 for no surge", "material", precision=5, section=ADVANCED, active=nonzero("b_c0"))
+    theta_bar_deg: float = degrees(
+        "Roughness", 10.0, 0.0, 60.0, "Mean slope angle of relief that is finer than mesh and grains. With the Nodes "
+        "shader, 0 halves the cost of the surface", "material", (0.0, 40.0))
+    theta_bar_range_deg: float = degrees(
+        "Roughness Range", 0.0, -60.0, 60.0, "Difference in roughness between white and black of the roughness image, "
+        "whose mean has the roughness above. The result is limited to 0 to 60; 0 ignores the image", "material",
+        (-30.0, 30.0), section=ADVANCED)
+    filling_factor: float = fraction(
+        "Filling Factor", 0.0, "Share of the volume that grains fill, at most 0.75. 0 gives the model of 1993, "
+        "without porosity", "material", high=0.75, section=ADVANCED)
+    h_function: Literal["1981", "1993", "2002"] = choice(
+        "H Function", "1981", "Approximation of multiple scattering. Use the one that the parameters were fitted with",
+        "material",
+        ("1981", "1981", "Up to 4 % error. All fits of the Voyager era use it"),
+        ("1993", "1993", "Up to 0.8 % error"),
+        ("2002", "2002", "Up to 1 % error. Eradiate and Hapke's later book use it"),
+        section=ADVANCED)
+    accuracy: Literal["FAST", "ACCURATE", "REFERENCE"] = choice(
+        "Accuracy", "FAST", "Accuracy of light that other ground reflects. Direct sunlight is always exact", "material",
+        ("FAST", "Fast", "Reflected light is 2 to 4 % too dark in the mean. It is weighted like sunlight, and up to "
+         "10 % too dark in shadows"),
+        ("ACCURATE", "Accurate", "Reflected light is within 1 % in the mean, 8 % in shadows. The Sun's disc blurs "
+         "the surges exactly; needs OSL and the CPU"),
+        ("REFERENCE", "Reference", "Reflected light is within 0.1 % in the mean, 1 % in shadows. Hapke's law for "
+         "three interreflections, approximate where dirt or images vary the ice; needs OSL and the CPU; your own "
+         "objects receive no sunlight from ice"),
+        section=ADVANCED, active=~chosen("backend", "NODES"))
+    backend: Literal["AUTO", "OSL", "NODES"] = choice(
+        "Shader", "AUTO", "How the law is implemented in Cycles. Snow (measured) is of nodes unless this is OSL",
+        "material",
+        ("AUTO", "Automatic", "OSL if it is available, otherwise nodes. Warns if this lowers the accuracy"),
+        ("OSL", "OSL", "Open Shading Language. Build Scene refuses it without OSL and on the GPU"),
+        ("NODES", "Nodes", "Available in every Blender and on every device, with fast accuracy only"),
+        section=ADVANCED)
+
+
+class TexturesSettings(Table, label="Textures", inside="surface"):
+    """Images on the ground and on rocks."""
+
+    __slots__ = ()
+    set: Literal["NONE", "FROST", "GRAINS", "CRACKS", "STAND_IN", "OWN", "MESH"] = choice(
+        "Texture", "NONE", "Images on the ground and on rocks", "material",
+        ("NONE", "None", "Procedural ice only"),
+        ("FROST", "Frost", "Generated: crystals of hoar with bright tips"),
+        ("GRAINS", "Grains", "Generated: rounded grains with dark gaps"),
+        ("CRACKS", "Cracks", "Generated: plates of crust with dark cracks between them"),
+        ("STAND_IN", "Stand-In", "Made by code in place of a texture of the GUISS paper, with the images that the "
+         "paper's has"),
+        ("OWN", "Own Images", "The files below. Empty ones are not used"),
+        ("MESH", "From Mesh", "Albedo, roughness and normals from the OBJ, glTF or PLY file of the ground, mapped by "
+         "its UV coordinates"))
+    stand_in: Literal[
+        "SNOW_CRYSTALS", "HOAR_FROST", "SNOW_DRIFT", "CRUSTED_SNOW", "CRACKED_ICE", "POWDER_SNOW",
+        "GROUND_SNOW", "LUMPY_SNOW", "FIRN", "GLACIER_ICE", "MIXED_SNOW", "SETTLED_SNOW", "SUNCUPS", "SASTRUGI"
+    ] = choice("Stand-In", "SNOW_CRYSTALS", "The texture made by code", "material",
+        *stand_ins.choices_of(stand_ins.TEXTURES),
+        shown=chosen("set", "STAND_IN"), active=~chosen("set", "MESH"), since="0.3")
+    mapping: Literal["OBJECT", "UV", "PATCH"] = choice(
+        "Mapping", "OBJECT", "How the images are mapped. Images from the mesh always use its UV coordinates",
+        "material",
+        ("OBJECT", "By Position", "Projected from above, and from the side on steep slopes"),
+        ("UV", "By UV", "By the UV coordinates of the mesh file; Image Width and Repeats have no effect. Rocks have "
+         "no UV coordinates and get the mean of the images"),
+        ("PATCH", "Over the Patch", "Once over the square of the patch around the origin, seen from above, with "
+         "north up. Image Width and Repeats have no effect"),
+        shown=~chosen("set", "NONE"), active=~chosen("set", "MESH"))
+    width_m: float = metres(
+        "Image Width", 0.5, 1.0e-3, 1.0e4, (0.05, 10.0), "Width of an image that is mapped by position", "material",
+        shown=~chosen("set", "NONE"), active=~chosen("mapping", "PATCH") & ~BY_UV)
+    repeat: Literal["TURNED", "SHIFTED", "PLAIN"] = choice(
+        "Repeats", "TURNED", "How an image that is mapped by position continues beyond its edges", "material",
+        ("TURNED", "Shifted and Turned", "Hexagons from random places of the image, at random angles. Repeats are "
+         "not visible"),
+        ("SHIFTED", "Shifted", "Hexagons from random places of the image, for images with a direction"),
+        ("PLAIN", "Plain", "The whole image, side by side"),
+        shown=~chosen("set", "NONE"), active=~chosen("mapping", "PATCH") & ~BY_UV)
+    height_m: float = metres(
+        "Relief Height", 5.0e-3, -10.0, 10.0, (-0.05, 0.05), "Height of white above black in the height image. It is "
+        "bump, unless Fine Relief of the surface is Displacement", "material", shown=~chosen("set", "NONE"),
+        active=~chosen("set", "MESH"))
+    albedo_file: str = image_file(
+        "Albedo", "Image that multiplies the albedo, relative to the mean of the image", shown=chosen("set", "OWN"))
+    roughness_file: str = image_file("Roughness", "Image of the roughness, 0 to 1", shown=chosen("set", "OWN"))
+    normal_file: str = image_file("Normal", "Image of normals (OpenGL: green is up)", shown=chosen("set", "OWN"))
+    transmission_file: str = image_file(
+        "Transmission", "Image of the share of light that enters clear ice, 0 to 1", shown=chosen("set", "OWN"))
+    height_file: str = image_file("Height", "Image of heights, see Relief Height", shown=chosen("set", "OWN"))
+
+
+class RockSurfaceSettings(SurfaceSettings, label="Rock Ice", inside="rocks"):
+    """Snow or ice of rocks that have their own surface."""
+
+    __slots__ = ()
