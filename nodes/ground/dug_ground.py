@@ -1,6 +1,6 @@
-"""Procedural ground with a trench: a fine square patch in its mesh, whose heights are those of the excavation.
+"""Procedural ground with a trench: a fine square patch in its mesh has the heights of the excavation.
 
-Every state of an excavation has the same patch, so only heights differ between them. The last ground is kept, so that
+Every state of an excavation has the same patch, so only heights differ between states. The last ground is kept, so that
 the next state of a series makes neither the mesh round the patch nor earlier states again.
 """
 
@@ -50,7 +50,7 @@ class DugGround(MeshedGround):
         return self.series.site.grid
 
     def before(self, height_at: HeightAt) -> HeightAt:
-        """Heights of the untouched ground from those of the mesh in this state."""
+        """Heights of the untouched ground; outside the patch they are ``height_at``, from the mesh in this state."""
         assert self.series is not None
         series = self.series
 
@@ -145,8 +145,8 @@ def join(ground: MeshedGround, grid: Grid, heights_m: np.ndarray) -> MeshedGroun
     """Ground whose mesh has a patch with the vertices of ``grid``, which come last, at ``heights_m`` (rows, columns).
 
     The triangles that meet the patch are taken out, and the gap is filled by a constrained Delaunay triangulation
-    between the rim of the hole and that of the patch, without a new vertex, so there is no crack. Raises IcyMoonError
-    if there is no ground all round the patch.
+    between the rims of the hole and the patch. It adds no vertex, so there is no crack. Raises IcyMoonError if there is
+    no ground all round the patch.
     """
     faces = ground.faces if ground.faces.shape[1] == 3 else np.concatenate(
         [ground.faces[:, [0, 1, 2]], ground.faces[:, [0, 2, 3]]])
@@ -202,7 +202,7 @@ def _fill_gap(outer_m: np.ndarray, inner_m: np.ndarray) -> np.ndarray:
 
 
 def _without_loose(faces: np.ndarray, rims: np.ndarray) -> np.ndarray:
-    """Triangles (m, 3) without those that have a side of their own which is none of the edges (k, 2) of the rims.
+    """Triangles (m, 3) that are held on every side, by another triangle or by an edge (k, 2) of the rims.
 
     Along a seam of the mesh three corners of the outer rim lie on a line, but for rounding, and a triangle without
     area between them may count as inside.

@@ -17,9 +17,9 @@ _ABOVE_M = 1.0
 def probe_heights(ground: bpy.types.Object) -> Iterator[HeightAt]:
     """A function that returns the heights of the highest surface of a mesh object, at east and north coordinates.
 
-    All are in metres; heights are NaN where there is no mesh. They are those of the triangles, not of the function that
+    All are in metres; heights are NaN where there is no mesh. The triangles have these heights, not the function that
     the mesh was made from, so that rocks lie on the rendered ground even if the mesh is coarse. A temporary scene
-    computes them, in about 4 µs for each point on two million triangles.
+    computes the heights, in about 4 µs for each point on two million triangles.
     """
     corners = np.array(ground.bound_box)
     start_m = float(np.float32(corners[:, 2].max() + _ABOVE_M))

@@ -39,11 +39,11 @@ _MOST_NPY, _MOST_NAMED = 2**36, 8
 class Heights:
     """Values (rows, columns) float64, with row 0 in the north and NaN for missing values.
 
-    Their unit is metres for a GeoTIFF, otherwise that of the file. ``pixel_m`` (east, north) and ``corner_m`` (centre
-    of the lower left pixel) are from the file, or None; then ``unplaced`` is the reason, as the end of a sentence.
-    ``report`` contains other facts from the file, and ``warnings`` are for the user. ``file_shape`` is that of the
-    whole file, and ``place`` where the site is on a map; then ``corner_m`` is from the site's origin. ``stored`` is the
-    type of the file's numbers.
+    Their unit is metres for a GeoTIFF, otherwise the unit of the file. ``pixel_m`` (east, north) and ``corner_m``
+    (centre of the lower left pixel) are from the file, or None; then ``unplaced`` is the reason, as the end of a
+    sentence. ``report`` contains other facts from the file, and ``warnings`` are for the user. ``file_shape`` is the
+    shape of the whole file. ``place`` is the position of the site on a map; then ``corner_m`` is from the site's
+    origin. ``stored`` is the type of the file's numbers.
     """
 
     values: np.ndarray
@@ -59,10 +59,11 @@ class Heights:
 
 def read_heights(path: Path, site: Site | None = None, missing: float | None = None,
                  body_radius_m: float = _EARTH_M) -> Heights:
-    """Read a height map; of a large GeoTIFF only what the ``site`` needs.
+    """Read a height map; of a large GeoTIFF only the part that the ``site`` needs.
 
-    ``missing`` is a value of the file that means none, beside those that it marks. ``body_radius_m`` is for commands
-    that convert a file in degrees. Raises IcyMoonError if it is missing, of another kind, unreadable or too small.
+    ``missing`` is a value that means no height, in addition to the values that the file declares missing.
+    ``body_radius_m`` is for commands that convert a file in degrees. Raises IcyMoonError if the file is missing, of
+    another kind, unreadable or too small.
     """
     suffix = path.suffix.lower()
     if suffix not in (*SUFFIXES, *gdal_lines.SUFFIXES):

@@ -51,7 +51,10 @@ def open_scratch_scene() -> Iterator[bpy.types.Scene]:
 
 @contextlib.contextmanager
 def _enable_importer(kind: str, path: Path) -> Iterator[Any]:
-    """The import operator and its options; its add-on is enabled meanwhile. Raises IcyMoonError if there is none."""
+    """The import operator and its options; its add-on is enabled meanwhile.
+
+    Raises IcyMoonError if this Blender has no such operator.
+    """
     found, name = compat.find_mesh_importer(kind), compat.IMPORT_ADD_ONS.get(kind)
     enabled = False
     if found is None and name is not None:
@@ -70,22 +73,22 @@ def _enable_importer(kind: str, path: Path) -> Iterator[Any]:
 def read_mesh(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Vertices (n, 3) float64 and triangles (m, 3) int32 of all meshes in a file, and UV coordinates of the corners.
 
-    UV coordinates (m, 3, 2) float32 are those of the layer that is rendered, NaN for meshes without any, and None if no
-    mesh has any. Vertices of OBJ, PLY and STL files keep their coordinates. Those of glTF, USD and FBX files are
-    rotated to z up and scaled to metres as the headers state. Raises IcyMoonError if the file is missing, of the wrong
-    kind, unreadable or without faces.
+    UV coordinates (m, 3, 2) float32 are from the layer that is rendered. They are NaN for meshes without any, and None
+    if no mesh has any. Vertices of OBJ, PLY and STL files keep their coordinates. Vertices of glTF, USD and FBX files
+    are rotated to z up and scaled to metres as the headers state. Raises IcyMoonError if the file is missing, of the
+    wrong kind, unreadable or without faces.
     """
     kind = detect_kind(path)
     check_mesh(path, kind)
     memory = int(estimate_cost(path).memory_mib * 2**20)
-    # A window is left alone: what else the user has open there needs memory too.
+    # A window has no limit: the user's other work in it needs memory too.
     limit = (bound_memory_and_time(_MEMORY_FACTOR * memory + _MEMORY_BESIDE) if bpy.app.background else
              contextlib.nullcontext())
     with _enable_importer(kind, path) as (operator, options), open_scratch_scene(), limit:
         try:
             operator("EXEC_DEFAULT", filepath=str(path), **options)
         except RuntimeError as error:
-            printer.say("")  # the importer's report has no end of line, and what follows is a message
+            printer.say("")  # the importer's report has no end of line, and a message follows
             raise IcyMoonError(f"{path}: Blender cannot read it as {kind} ({_last_line(error)}); "
                                "export it again.") from None
         positions, faces, uv = _read_geometry(path)

@@ -49,7 +49,7 @@ def build_shapes(name: str, shapes: Sequence[Sequence[Shape]], used: np.ndarray,
         mesh = build_mesh_from_arrays(f"{name} Shape {number:03d}", shapes[level][shape].vertices,
                                       shapes[level][shape].triangles)
         plane = shapes[level][shape].plane
-        if plane.all():  # broken ice: its steps have edges, what is between them has none
+        if plane.all():  # broken ice: its steps have sharp edges, and it is smooth between them
             mesh.shade_smooth()
             mesh.set_sharp_from_angle(angle=_SHARP)
         else:

@@ -60,12 +60,12 @@ class MeshedGround:
     fine: np.ndarray | None = None
 
     def build_mesh(self, name: str) -> bpy.types.Mesh:
-        """The smooth-shaded mesh. Where it is as fine as the image, for its fine relief, it is shaded flat: then what
-        the image shows is what the depth has.
+        """The smooth-shaded mesh. Where it is as fine as the image, for its fine relief, it is shaded flat: then image
+        and depth show the same shape.
 
-        A mesh that the material displaces has no sharp edges: Cycles then makes a vertex for each normal at it and
-        moves them apart, also those of all flat faces, so that the ground has holes. Faces beside them are flat
-        instead.
+        A mesh that the material displaces has no sharp edges. With them, Cycles makes a vertex for each normal at an
+        edge and moves these vertices apart, also at all flat faces, so that the ground has holes. The faces beside such
+        edges are flat instead.
         """
         flat = self.fine
         if flat is not None and self.spacing_m is not None and len(self.sharp):

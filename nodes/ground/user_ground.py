@@ -33,8 +33,8 @@ from .terrain_mesh import build_mesh_from_arrays, shortest_wavelength_m
 
 #: Limits in metres outside which a ground cannot be a landing site, whatever its unit.
 _SMALLEST_M, _LARGEST_M = 1e-3, 1e5
-#: Width in metres up to which it may be a site with the ground out to its horizon, as our own exports are, where its
-#: triangles are as fine as those of a site.
+#: Width in metres up to which a ground may be a site with its surroundings out to the horizon, as in our own exports,
+#: if its triangles are as fine as at a site.
 _LARGEST_HORIZON_M = 2e6
 #: Limits in metres outside which the unit is probably wrong.
 _UNLIKELY_M = (0.2, 2e4)
@@ -59,9 +59,10 @@ SUFFIXES = (*mesh_file.FORMATS, *import_heights.SUFFIXES)
 class UserGround:
     """A ground from a file: vertices (n, 3), faces (m, 3 or 4), and UV coordinates (m, 3, 2) of the corners or None.
 
-    ``surface`` gives its heights. ``report`` contains what the import found, and ``warnings`` are for the user.
-    ``map_place`` is where its origin is on a map (``geotiff.MapPlace``), with ``height_zero_m``, the height of the file
-    that is z = 0; without a map it is where the origin is in the file's own coordinates, turned so that z is up.
+    ``surface`` gives its heights. ``report`` contains the findings of the import, and ``warnings`` are for the user.
+    ``map_place`` is the position of its origin on a map (``geotiff.MapPlace``), with ``height_zero_m``, the height in
+    the file that becomes z = 0. Without a map it is the position of the origin in the file's own coordinates, turned so
+    that z is up.
     """
 
     positions: np.ndarray
