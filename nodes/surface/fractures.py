@@ -1,11 +1,11 @@
 """Fractures inside ice, seen through its surface: white veils on planes that lie deeper the further one looks in.
 
 The view is refracted into the ice and followed to the next plane of each of three sets, so that a veil moves behind the
-surface as the camera does, as real ones do. A plane is open in patches. What is seen there depends on the angle: light
-that meets a gap of air flatly is reflected totally. True depth is that of the surface, as of all ice.
+surface as the camera does, as real ones do. A plane is open in patches. The brightness there depends on the angle:
+light that meets a gap of air flatly is reflected totally. The true depth is the depth of the surface, as for all ice.
 
-What is a guess: directions of the sets, shapes of the patches, brightness of a veil, and the light that it has, that of
-the surface above it. Joints of glacier ice on Earth come in sets; no image shows fractures of either moon.
+Guesses are the directions of the sets, the shapes of the patches, the brightness of a veil, and its light, which is
+taken from the surface above it. Joints of glacier ice on Earth come in sets; no image shows fractures of either moon.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _add_view(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float
     place = _add_bent(tree, place, fourth)
     if not of_rocks:
         return _View(Vector(tree, place), Vector(tree, into), Number(tree, fourth))
-    # Each rock has planes of its own.
+    # Each rock has its own planes.
     chance = tree.node("ShaderNodeObjectInfo", "Fractured Rock").outputs["Random"]
     drawn = tree.node("ShaderNodeTexWhiteNoise", "Chance of a Rock", {"W": chance}, noise_dimensions="1D")
     angles = _add_scaled(tree, "Turn of a Rock", output(drawn, "Color"), 2.0 * math.pi)
@@ -89,7 +89,7 @@ def _add_bent(tree: Tree, place: Any, fourth: float) -> Any:
 
 
 def _add_veil(tree: Tree, surface: SurfaceSettings, view: _View, which: int, normal: tuple[float, ...]) -> Number:
-    """How much of what is seen is a veil on the next plane of a set."""
+    """Share of the visible light that a veil on the next plane of a set gives."""
     across = Vector(tree, tree.node("ShaderNodeCombineXYZ", f"Set {which + 1}", dict(
         zip("XYZ", normal, strict=True))).outputs[0])
     slope = view.into.dot(across)

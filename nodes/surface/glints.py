@@ -6,8 +6,8 @@ lobe, wider the more grains a cell stands for. Cells and facets depend on the pl
 is while the camera moves, and ends when the facet no longer mirrors the Sun to it. Blender's nodes have no derivatives,
 so the width of a pixel is computed from the distance.
 
-What is a guess: the share of the light, the spread of slopes and the width of the lobe of a single grain. No photometry
-of single glints was found for icy moons.
+Guesses are the share of the light, the spread of slopes and the width of the lobe of a single grain. No photometry of
+single glints was found for icy moons.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from ..tree.formula import Number, Vector
 _SLOPES, _FACET = 0.6, 0.003
 #: Largest facet slope is 50 degrees: other grains hide steeper ones. As the share of all facets that are less steep.
 _LESS_STEEP = 0.8
-#: Width of a cell over that of a pixel, at most: wider ones would be blotches of several pixels.
+#: Maximum width of a cell in pixels: wider cells would be blotches of several pixels.
 _CELL_PX = 1.0
 
 
 def add_glints(tree: Tree, snow: Any, reflectance: Any, geometry: Any, normal: Any, share: float, size_m: float,
                pixel_rad: float, seed: float) -> Any:
-    """Shader socket of ``snow`` of which camera rays meet a share of facets instead.
+    """Shader socket of ``snow`` with facets: camera rays meet facets on a share of it.
 
     ``reflectance`` is a number or a socket of a colour, ``normal`` a socket, ``size_m`` the size of a grain and
     ``pixel_rad`` the angle of a pixel. ``seed`` selects the facets.

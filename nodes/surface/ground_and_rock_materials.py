@@ -35,10 +35,10 @@ _TOO_BRIGHT = 0.005
 
 
 def advice(settings: Settings) -> list[str]:
-    """Sentences of advice on the surfaces in the scene; none if there is no problem."""
+    """Sentences of advice on the surfaces in the scene; empty without a problem."""
     topics = surface_topics(settings)
     shown = [rendered_surface(settings, topic) for topic in topics]
-    # The albedo of rocks that let light through is that of the rest; bubbles have their own.
+    # The albedo of rocks that let light through is the albedo of their opaque part; bubbles have their own.
     opaque = [surface | ({"transmission": 0.0} if topic == "rock_surface" and principled.lets_light_through(surface)
                          else {}) for topic, surface in zip(topics, shown, strict=True)]
     sentences = [principled.albedo_advice(surface) for surface in opaque
@@ -85,7 +85,7 @@ def _image_files(settings: Settings) -> dict[str, Path | MeshImage]:
 
 
 def _load_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
-    """The textures of a ground's mesh; None if there are none."""
+    """The textures of a ground's mesh; None without textures."""
     textures = settings.textures
     if textures.set == "NONE":
         return None
@@ -116,7 +116,7 @@ def image_advice(settings: Settings, mesh: bpy.types.Mesh) -> list[str]:
 
 
 def _load_rock_textures(settings: Settings, mesh: bpy.types.Mesh) -> Textured | None:
-    """The textures of rocks; None if there are none.
+    """The textures of rocks; None without textures.
 
     Rocks have no UV coordinates. If images are mapped by UV and rocks have the surface of the ground, rocks get the
     means of the images over the ground.

@@ -1,8 +1,8 @@
-"""The colour of the ground: that of its ice, with salts and dirt mixed by area.
+"""The colour of the ground: the colour of its ice, with salts and dirt mixed by area.
 
 Each pixel of ground is a share of ice, of salt and of dirt side by side, so reflectances add up by their shares. A
-colour here is a factor (R, G, B) on the albedo of clean ice, in the bands of ``physics.light.bands``. What the settings
-do not ask for gets no nodes.
+colour here is a factor (R, G, B) on the albedo of clean ice, in the bands of ``physics.light.bands``. Materials that
+the settings switch off get no nodes.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..tree.builder import Tree, output
 from .patches_and_grain import add_clean_share, add_stained_share
 
 _WHITE = (1.0, 1.0, 1.0)
-#: Distance of the field of dirt from that of salt in the fourth dimension of noise, in units that no scene repeats.
+#: Distance of the fields of dirt and of salt in the fourth dimension of noise, in units that no scene repeats.
 _BESIDE_SALT = 2000.0
 
 
@@ -55,11 +55,11 @@ def is_grey(surface: SurfaceSettings) -> bool:
 
 def add_ground_colour(tree: Tree, surface: SurfaceSettings, geometry: Any, salt_at: float, elevated: bool,
                       settings: Settings | None, ice: Any = None) -> Any:
-    """Output socket of the colour of the ground; None if it is that of grey, clean ice.
+    """Output socket of the colour of the ground; None for grey, clean ice.
 
     ``salt_at`` selects the fields of salt and of patches of dirt, ``elevated`` is whether the mesh has the attribute
-    ``ELEVATION``. ``settings`` are those of the whole scene, which Hapke's law needs. ``ice`` is an output socket of
-    the reflectance of clean ice by band, if that varies from place to place; then the colour is a reflectance too.
+    ``ELEVATION``. Hapke's law needs the ``settings`` of the whole scene. ``ice`` is an output socket of the reflectance
+    of clean ice by band, if that varies from place to place; then the colour is a reflectance too.
     """
     if is_grey(surface):
         return ice

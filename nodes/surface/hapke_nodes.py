@@ -1,6 +1,6 @@
 """Hapke's reflectance as nodes, which work in every Blender and on every device.
 
-The formula is that of ``physics/surfaces/hapke.py``. Terms that the parameters switch off get no nodes: a smooth
+The formula comes from ``physics/surfaces/hapke.py``. Terms that the parameters switch off get no nodes: a smooth
 surface without surges has about 50 nodes, a rough one with both surges about 130.
 """
 

@@ -1,9 +1,9 @@
-"""What is in the ice and on it: bubbles in bands, light through clear rocks, a broken crust on snow, thin frost.
+"""Layers in the ice and on it: bubbles in bands, light through clear rocks, a broken crust on snow, thin frost.
 
-Each layer is a shader of its own with its own albedo, so the albedo of a mixture is the mean by area. Where a layer
-covers all or nothing, Cycles evaluates only what is seen. What is switched off gets no nodes.
+Each layer is a separate shader with its own albedo, so the albedo of a mixture is the mean by area. Where a layer
+covers all or nothing, Cycles evaluates only the visible one. Layers that are switched off get no nodes.
 
-What is a guess: the shapes of patches and bands, and all steepnesses here. No image shows ice of either moon at
+The shapes of patches and bands, and all steepnesses here, are guesses. No image shows ice of either moon at
 centimetres.
 """
 
@@ -41,7 +41,7 @@ CRUST_GRAIN = 0.15
 
 
 def as_bubbly_ice(surface: SurfaceSettings) -> SurfaceSettings:
-    """``surface`` settings whose albedo is that of their bubbles, the mean of the bands; unchanged without bubbles."""
+    """``surface`` settings with the albedo of their bubbles, the mean of the bands; unchanged without bubbles."""
     if surface.model != "PRINCIPLED" or surface.bubble_share == 0.0:
         return surface
     bands = bubbly_ice_bands(surface.bubble_radius_m, surface.bubble_share)
@@ -51,8 +51,8 @@ def as_bubbly_ice(surface: SurfaceSettings) -> SurfaceSettings:
 def add_bubbly_colour(tree: Tree, surface: SurfaceSettings, geometry: Any, fourth: float, of_rocks: bool) -> Any:
     """Output socket of the albedo, by band, of ice with the bubbles of ``surface`` settings.
 
-    In bands the share f of bubbles varies by equal factors up and down. Each band's albedo A then is a power of that of
-    the mean share, since ln A is proportional to √((1 - f) / f).
+    In bands the share f of bubbles varies by equal factors up and down. The albedo A in each colour band then is a
+    power of its value at the mean share, since ln A is proportional to √((1 - f) / f).
     """
     bands = bubbly_ice_bands(surface.bubble_radius_m, surface.bubble_share)
     if surface.bubble_band_m == 0.0:

@@ -87,7 +87,7 @@ def _add_fine_height(tree: Tree, surface: SurfaceSettings, where: Any, place: Se
 
 
 def _add_image_height(tree: Tree, pieces: Sampler | None, textured: Textured | None) -> Any:
-    """Output socket of the height in metres of the height image, with a mean of 0; None if there is none."""
+    """Output socket of the height in metres of the height image, with a mean of 0; None without a height image."""
     if pieces is None or textured is None or "height" not in textured.maps:
         return None
     of = textured.maps["height"]
@@ -143,7 +143,7 @@ def _add_principled(tree: Tree, label: str, surface: SurfaceSettings, wanted: An
 
 @dataclass(frozen=True)
 class _Ice:
-    """What the layers of Principled ice have in common: the arguments of ``_add_principled``, and those of glints."""
+    """Arguments that the layers of Principled ice share: those for ``_add_principled``, and those for glints."""
 
     tree: Tree
     surface: SurfaceSettings
@@ -246,9 +246,9 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
                    by_fineness: bool = False, albedo_pass: bool = False, dug: bool = False) -> bpy.types.Material:
     """A material from ``surface`` settings whose reflectance in a white furnace is its albedo.
 
-    ``settings`` are those of the whole scene, which laws that depend on the Sun need. ``semantic`` is the label in the
-    material-index pass. Fine relief is bump, so that the true depth is that of the mesh, or it displaces the vertices.
-    REAL is both, if the mesh has the attribute ``SPACING``, which ``by_fineness`` states, and otherwise bump.
+    Laws that depend on the Sun need the ``settings`` of the whole scene. ``semantic`` is the label in the
+    material-index pass. Fine relief is bump, so that the true depth is the depth of the mesh, or it displaces the
+    vertices. REAL is both if ``by_fineness``, when the mesh has the attribute ``SPACING``, and otherwise bump.
     The geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump. With
     ``albedo_pass`` the albedo goes to ``ALBEDO_AOV``. ``dug`` is whether the mesh has the attributes of an excavation.
     """

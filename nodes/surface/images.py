@@ -47,8 +47,8 @@ class Map:
 def load_maps(textures: TexturesSettings, files: Mapping[str, Path | MeshImage]) -> dict[str, Map]:
     """The maps of ``textures`` settings, by kind; empty without textures.
 
-    ``files`` contains the user's own images, or those of the mesh, by kind. Images that are loaded already are used
-    again. Raises IcyMoonError if an image cannot be read.
+    ``files`` contains the images of the user or of the mesh, by kind. Images that are loaded already are used again.
+    Raises IcyMoonError if an image cannot be read.
     """
     if textures.set == "NONE":
         return {}
@@ -72,7 +72,7 @@ def remove_unused_images() -> None:
 
 
 def measure_means(mesh: bpy.types.Mesh, found: Mapping[str, Map]) -> dict[str, Map]:
-    """The maps with new means: those of the parts of the images that are on the mesh, by its UV coordinates.
+    """The maps with new means, over the parts of the images that are on the mesh by its UV coordinates.
 
     Less than half of a baked image may be on the surface, and the rest is often black.
     """
@@ -107,7 +107,7 @@ def measure_brightness(of: Map) -> np.ndarray:
 
 
 def _find_map(key: str) -> Map | None:
-    """The map whose image has this ``key``; None if there is none."""
+    """The map whose image has this ``key``; None if no image has it."""
     image = next((image for image in bpy.data.images if image.get(_KEY) == key), None)
     return Map(image, tuple(image[_MEAN])) if image else None
 
@@ -179,7 +179,7 @@ def _unpack_image(source: MeshImage, data: bytes) -> bpy.types.Image:
 
 
 def _mean(path: Path, name: str, image: bpy.types.Image) -> np.ndarray:
-    """Mean (3,) of an image's linear values. Raises IcyMoonError if there are none or some are not finite."""
+    """Mean (3,) of an image's linear values. Raises IcyMoonError if it has no pixels or if values are not finite."""
     if image.size[0] * image.size[1] == 0:
         raise IcyMoonError(f"{path}: is not an image that can be read; give a PNG, JPEG, TIFF or EXR as {name}.")
     pixels, total = _read_pixels(image), np.zeros(3)

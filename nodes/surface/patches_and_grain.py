@@ -54,7 +54,7 @@ def add_noise(tree: Tree, label: str, where: Any, wavelength_m: float, fourth: f
 
 
 def add_patchy(tree: Tree, surface: SurfaceSettings, where: Any, place: Sequence[float], height: Any) -> Any:
-    """Output socket of a height of grain of which some places have more and others less, with its RMS height kept.
+    """Output socket of a height of grain that is stronger in some places and weaker in others. The RMS height is kept.
 
     The factor is log-normal, as in a multiplicative cascade: exp(s g - s²) with Gaussian noise g of unit deviation has
     a mean square of 1. Its patches are 2 to ``_PATCHES`` wavelengths of the grain wide.
@@ -188,8 +188,8 @@ def add_patch_noise(tree: Tree, surface: SurfaceSettings, label: str, where: Any
                     fourth: float) -> Any:
     """Output socket of noise for patches, of mean ``NOISE_MEAN`` and deviation ``NOISE_DEVIATION``.
 
-    ``patch_raggedness`` of it, as a share of the variance, has ``_RAGGED`` of the wavelength and less: the edges of
-    patches then break up into small ones, as those of frost and dust that lie between grains do.
+    A share ``patch_raggedness`` of its variance has ``_RAGGED`` of the wavelength and less: the edges of patches then
+    break up into small patches, as frost and dust between grains do.
     """
     field = add_noise(tree, label, where, wavelength_m, fourth, 4.0)
     if surface.patch_raggedness == 0.0:
@@ -242,7 +242,7 @@ def _clean_shares(tree: Tree, surface: SurfaceSettings, geometry: Any, elevated:
 
 
 def add_faces(tree: Tree, surface: SurfaceSettings) -> tuple[Any, Any]:
-    """Output sockets of a grey factor and of a change of roughness that each face of each rock has of its own.
+    """Output sockets of a grey factor and of a change of roughness, drawn separately for each face of each rock.
 
     Their means are 1 - v/2 and 0, with v the setting ``face_variation``.
     """

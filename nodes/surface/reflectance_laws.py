@@ -229,7 +229,7 @@ def add_snow_of_osl(ground: Ground, albedo: float, sun: Sun, level: str) -> Any:
 
 
 def _add_script(ground: Ground, sun: Sun, level: str, inputs: dict[str, Any], label: str) -> Any:
-    """Shader socket of ``hapke.osl`` with these inputs and those of the Sun and the scene."""
+    """Shader socket of ``hapke.osl`` with these inputs and the inputs for the Sun and the planet."""
     normal = ground.normal
     if normal is None:
         normal = ground.tree.node("ShaderNodeNewGeometry", "Sight").outputs["Normal"]

@@ -1,10 +1,10 @@
 """Images on the ground: by UV coordinates, or by position without visible repeats.
 
-By position, the plane is divided into hexagons. Each shows a piece from a random place of the image at a random angle
-(after Deliot and Heitz, "Procedural Stochastic Textures by Tiling and Blending", GPU Zen 2, 2019). The three nearest
-pieces are blended so that the contrast is that of the image: mean + sum of weights x (piece - mean) / root of the sum
-of squared weights (Heitz and Neyret, "High-Performance By-Example Noise using a Histogram-Preserving Blending
-Operator", HPG 2018).
+By position, the plane is divided into hexagons. Each hexagon shows a piece from a random place of the image at a random
+angle (after Deliot and Heitz, "Procedural Stochastic Textures by Tiling and Blending", GPU Zen 2, 2019). The three
+nearest pieces are blended with the contrast of the image: mean + sum of weights x (piece - mean) / root of the sum of
+squared weights (Heitz and Neyret, "High-Performance By-Example Noise using a Histogram-Preserving Blending Operator",
+HPG 2018).
 """
 
 from __future__ import annotations
