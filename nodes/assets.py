@@ -1,9 +1,9 @@
-"""Assets of Blender from shipped presets: landscapes, surfaces, stereo cameras and lights, each in a file of its own.
+"""Assets of Blender from shipped presets: landscapes, surfaces, stereo cameras and lights, one file for each asset.
 The sky is one more asset.
 
-An asset is what Build Scene makes from the preset, without what marks it as ours: what the user drops into a scene is
-the user's own. Blender drops no scenes, so a landscape is a collection. It has a coarse ground, so that the library is
-small. Hapke's law is made of nodes, since a dropped material cannot switch a scene to Open Shading Language.
+Build Scene makes the content of an asset from the preset. The marks of Icy Moon are then removed, because a dropped
+asset belongs to the user. Blender drops no scenes, so a landscape is a collection. It has a coarse ground, so that the
+library is small. Hapke's law is made of nodes, since a dropped material cannot switch a scene to Open Shading Language.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def _header_of(name: str) -> tuple[str, str]:
 
 
 def write_asset(name: str, path: Path) -> None:
-    """Make an asset in a new, empty file, and write it and what it needs to a .blend file."""
+    """Make an asset in a new, empty file, and write it with its dependencies to a .blend file."""
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
     kind = name.split("/")[0]
     settings = asset_settings(name)

@@ -42,7 +42,7 @@ PREVIOUS_OSL = "icymoon_previous_osl"
 SITE = "icymoon_site_m"  # height of the ground under the camera
 CONTENT = "icymoon_content"  # hash of the user's own files
 STATISTICS = "icymoon_statistics"  # of the ground: asked by the settings, and measured on the built ground
-EXCAVATION = "icymoon_excavation"  # what was dug, see ``physics.excavation.dig``
+EXCAVATION = "icymoon_excavation"  # volumes and masses of the excavation, see ``physics.excavation.dig``
 PREVIEW = "icymoon_preview"  # settings that are shown as a preview, not as Build Scene would show them
 REFINED = "icymoon_refined"  # geometry of the settings that will follow a coarse ground at full resolution
 NOTES = "icymoon_notes"  # why some settings are not shown
@@ -72,8 +72,8 @@ class Built:
 
     @property
     def statistics(self) -> dict[str, Any]:
-        """What was asked of ground built from ``terrain`` settings and what was made, at ``baseline_m``; empty for
-        other ground."""
+        """The requested and the measured statistics of ground built from ``terrain`` settings, at ``baseline_m``; empty
+        for other ground."""
         return dict(read_stored(self.collection, STATISTICS, TABLE))
 
     @property
@@ -88,7 +88,7 @@ class Built:
 
     @property
     def content(self) -> str:
-        """Hash of the content of the user's own files in the scene; empty if there are none."""
+        """Hash of the content of the user's own files in the scene; empty without such files."""
         return str(self.collection.get(CONTENT, ""))
 
     @property
@@ -172,7 +172,7 @@ class Built:
 
     @property
     def preview(self) -> Settings:
-        """Settings that are shown as a preview, in place of those of ``settings``; empty if there are none."""
+        """Settings that are shown as a preview and override ``settings``; empty without a preview."""
         return typed(read_stored(self.collection, PREVIEW, TABLES))
 
     def remember(self, settings: Settings, preview: Parts, *changed: str) -> None:
@@ -275,7 +275,7 @@ def changed_settings(built: Built, settings: Settings) -> list[str]:
              if s.effect in ("geometry", "material", "light", "lander", "camera")]
     changed = [f"{topic}.{key}" for topic, key in shown
                if built.settings.get(topic, {}).get(key) != settings[topic][key]]
-    # A missing file changes nothing: the scene still contains what was built from it.
+    # A missing file changes nothing: the scene still contains the ground and surfaces made from it.
     if are_there(settings) and built.content != content(settings):
         changed += used_files(settings)
     return changed

@@ -79,7 +79,7 @@ def _clear_object(item: bpy.types.Object) -> None:
 
 
 def _copy_properties(old: Any, new: Any) -> None:
-    """Copy the properties that a render can show from ``new`` to ``old``; those of the window stay."""
+    """Copy the properties that a render can show from ``new`` to ``old``; properties of the window stay."""
     kind: Any = type(new)
     # The rotation mode comes first: Blender converts all rotations when it changes.
     for name, how in sorted(stored_properties(kind), key=lambda each: each[0] != "rotation_mode"):

@@ -1,8 +1,8 @@
 """The surface that a matcher measured: each point is a small square in the colour of its error.
 
-It consists of squares because every Blender shows the colours of a mesh, in every shading of the viewport, but not
-those of a point cloud. The squares are drawn in front of everything. Otherwise the true ground would hide all points
-that are too far.
+It consists of squares because every Blender shows the colours of a mesh in every shading of the viewport, but not
+the colours of a point cloud. The squares are drawn in front of everything. Otherwise the true ground would hide all
+points that are too far.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ _SIDES, _SHARPEST = 6, 0.25
 
 
 def paint(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -> bpy.types.Collection:
-    """Show a map on the ground of a built scene with its site and reach, in place of what was painted before.
+    """Show a map on the ground of a built scene with its site and reach, in place of anything painted before.
 
     Raises IcyMoonError before any change if no vertex of the ground is within the map.
     """
@@ -57,7 +57,7 @@ def paint(scene: bpy.types.Scene, built: Built, stored: StoredMap, title: str) -
     colours = np.full((len(cell), 3), SKY_GREY, np.uint8)
     colours[inside] = colour_cells(stored).reshape(-1, 3)[cell[inside]]
     set_colours(add_colours(mesh), colours)
-    darken({*_rock_meshes(built), *other_meshes(built)})  # what is under them is not known from above
+    darken({*_rock_meshes(built), *other_meshes(built)})  # the ground under them is unknown from above
     if stored.chosen is not None:
         _link(collection, _site(stored, *stored.chosen))
     if stored.reach is not None and there[REACH]:
@@ -110,8 +110,8 @@ def _reach(stored: StoredMap, reach: np.ndarray) -> bpy.types.Object:
 
 
 def _draw_lines(name: str, ways: list[np.ndarray]) -> bpy.types.Object:
-    """Closed lines through positions (n, 3) with a thickness and colours of vertices: in a camera view, bare lines and
-    empties are hidden with the overlays, and in Blender 5.2 what has no such colours is white."""
+    """Closed lines through positions (n, 3) as tubes with colours of vertices: in a camera view, bare lines and empties
+    are hidden with the overlays, and in Blender 5.2 objects without such colours are white."""
     tubes = [_tube(way) for way in ways]
     starts = np.cumsum([0, *(len(position) for position, _ in tubes)])
     mesh = build_mesh_from_arrays(name, np.concatenate([position for position, _ in tubes]),

@@ -42,8 +42,8 @@ from .measured_surface import KINDS, build_material, set_colours, shares
 
 NAME = "Icy Moon Depth Errors"
 ROLE = "painted errors"  # value of the custom property ``TAG`` of collection, object and material
-#: Attributes of vertices: the signed error in metres, NaN where there is none; what is known, see ``ground_errors``;
-#: and the colour.
+#: Attributes of vertices: the signed error in metres, NaN if unknown; the kind of the error, see ``ground_errors``; and
+#: the colour.
 ERROR_M, KIND, COLOUR = f"{PAINTED}_m", f"{PAINTED}_kind", f"{PAINTED}_colour"
 _COUNTS, _BEFORE = "icymoon_pixels", "icymoon_colours_before"  # custom properties of the collection
 #: Copies of rocks are larger and nearer to the eye, so that they hide the rocks however coarse the view's depths are.
@@ -56,10 +56,10 @@ _KINDS = {**KINDS, "missing": ("Not measured, grey", "COLORSET_13_VEC"),
 
 
 def why_another(built: Built, headings: int, pair: Pair) -> str:
-    """Why a pair does not show what is built from one of so many ``headings``, in a sentence; empty if it does.
+    """Why a pair shows the built scene from none of the ``headings`` directions, in a sentence; empty if it does.
 
-    Only the ground and the camera matter: light, surfaces and sampling may be others. Raises IcyMoonError if edits by
-    hand cannot be detected.
+    Only the ground and the camera matter: light, surfaces and sampling may differ. Raises IcyMoonError if edits by hand
+    cannot be detected.
     """
     now, then = built.settings, pair.settings
     if names := _differing(changes.geometry(now), changes.geometry(then)):
@@ -93,7 +93,7 @@ def _same_by_hand(built: Built, pair: Pair) -> bool:
 
 def paint(scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], title: str,
           full_m: float) -> bpy.types.Collection:
-    """Paint the errors of pairs of a built scene on its ground and rocks, in place of what was painted before.
+    """Paint the errors of pairs of a built scene on its ground and rocks, in place of anything painted before.
 
     Where several pairs see a vertex, it shows the error of the nearest. Errors of ``full_m`` metres and more have the
     full colour. Raises IcyMoonError before any change if no vertex shows an error.
@@ -109,7 +109,7 @@ def paint(scene: bpy.types.Scene, built: Built, found: Sequence[DepthErrors], ti
     counts = [count_pixels(errors, at) for errors, at in zip(found, places, strict=True)]
     collection[_COUNTS] = {key: sum(count[key] for count in counts) for key in counts[0]} | {"title": title}
     _fill(mesh, ground, full_m)
-    for shape in instances:  # dark, as what is not seen; the copies hide them where something is seen
+    for shape in instances:  # dark, as if unseen; the copies hide them where an eye sees them
         n = len(shape.data.vertices)
         _fill(shape.data, OnVertices(np.full(n, np.nan, np.float32), np.full(n, UNSEEN, np.uint8), np.full(n, np.inf)),
               full_m)
@@ -134,7 +134,7 @@ def darken(meshes: Iterable[bpy.types.Mesh]) -> None:
 
 
 def begin(scene: bpy.types.Scene, mesh: bpy.types.Mesh, name: str) -> bpy.types.Collection:
-    """A new collection, not rendered, for what is painted on a mesh, in place of what was painted before."""
+    """A new collection, not rendered, for colours painted on a mesh, in place of anything painted before."""
     clear(scene)
     collection = bpy.data.collections.new(name)
     collection[TAG] = ROLE
@@ -152,7 +152,7 @@ def recolour(scene: bpy.types.Scene, full_m: float) -> None:
 
 
 def find(scene: bpy.types.Scene) -> bpy.types.Collection | None:
-    """The collection of what is painted in a scene, if anything is."""
+    """The collection of painted errors or decisions in a scene; None if nothing is painted."""
     return next((c for c in scene.collection.children if c.get(TAG) == ROLE), None)
 
 
@@ -286,7 +286,7 @@ def _instanced(matrices: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def _repeated(indices: np.ndarray, times: int, vertices: int) -> np.ndarray:
-    """Edges or faces of a mesh, for so many copies of its vertices."""
+    """Edges or faces of a mesh, for ``times`` copies of its vertices."""
     return (indices[None] + (np.arange(times) * vertices)[:, None, None]).reshape(-1, indices.shape[1])
 
 

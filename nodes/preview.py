@@ -229,7 +229,7 @@ def _show_rocks(built: scenes.Built, settings: Settings, rocks: Rocks | None) ->
 
 
 def _show_surfaces(built: scenes.Built, settings: Settings, before: Settings) -> list[str]:
-    """Replace the materials of ground and rocks by those of ``settings``; sentences on those that stay."""
+    """Replace the materials of ground and rocks according to ``settings``; sentences on materials that stay."""
     seeds = settings.dataset.seed, before.dataset.seed
     if changes.look(settings) == changes.look(before) and seeds[0] == seeds[1]:
         return []
@@ -283,7 +283,7 @@ def _replace_material(old: bpy.types.Material, new: bpy.types.Material) -> None:
 
 
 def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
-    """Change the lights to those of ``settings``; a sentence if the sky cannot be computed."""
+    """Change the lights according to ``settings``; a sentence if the sky cannot be computed."""
     try:
         sky = described_sky(settings)
     except IcyMoonError as error:  # no such date, or no kernels
@@ -297,7 +297,7 @@ def _show_lights(built: scenes.Built, settings: Settings) -> list[str]:
 
 
 def _show_lander(built: scenes.Built, settings: Settings, before: Settings, new_ground: bool) -> list[str]:
-    """Move the lander and its arm to those of ``settings``, or build it again; a sentence if it stays."""
+    """Move the lander and its arm according to ``settings``, or build it again; a sentence if it stays."""
     there = settings.lander.kind != "NONE"
     if changes.lander(settings) == changes.lander(before) and not (new_ground and there):
         return []
@@ -328,7 +328,7 @@ def _only_joints_differ(settings: Settings, before: Settings) -> bool:
 def _show_rig(built: scenes.Built, settings: Settings, ground: Surface | None) -> None:
     """Move the camera to the site of ``settings``, on ``ground`` if it has been made already.
 
-    On ground from a file, away from the site where it was built, the height is that of the mesh and only approximate.
+    On ground from a file, away from the site where it was built, the height is read from the mesh and only approximate.
     """
     rig, preview = settings.rig, {topic: values for topic, values in built.preview.items() if topic != "rig"}
     site_m, built_rig = built.site_m, built.settings.rig

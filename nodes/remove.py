@@ -51,7 +51,7 @@ def leftovers(objects: list[bpy.types.Object]) -> tuple[list[Any], set[Any], set
 
 
 def remove_if_unused(found: tuple[list[Any], set[Any], set[Any]]) -> None:
-    """Remove those of ``leftovers`` that have no users. Copies of a scene may use the others."""
+    """Remove ``leftovers`` without users. Copies of a scene may use the others."""
     parts, data, materials = found
     for kind in (bpy.types.NodeTree, bpy.types.Collection, bpy.types.Object):  # each uses the next
         remove_unused([], [part for part in parts if isinstance(part, kind)])

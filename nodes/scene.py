@@ -1,7 +1,7 @@
 """Builds the whole scene from its settings, in its own collection.
 
-The builders tag what they make, and building again replaces only that. Everything else in the file and in the
-collection is the user's and stays.
+The builders tag their data-blocks, and building again replaces only tagged ones. Everything else in the file and in
+the collection is the user's and stays.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ from .surface import ground_and_rock_materials, reflectance_laws, sun_inputs
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
 from .surface.patches_and_grain import mark_elevation
 
-#: Names for users of a scene, with those of ``built_scene`` and ``remove``.
+#: Names for users of a scene, with names from ``built_scene`` and ``remove``.
 __all__ = [
     "NAME",
     "NOTES",
@@ -199,7 +199,7 @@ def _build_objects(settings: Settings, meshed: MeshedGround | None) -> tuple[
     """Make all objects of the scene (terrain, Sun, camera, then others) and its world.
 
     ``meshed`` is the procedural ground, if it has been made already. Also returns warnings, the user's own ground or
-    None, the height in metres of the ground under the camera, and what was dug.
+    None, the height in metres of the ground under the camera, and the report of the excavation.
     """
     # Errors come first, before anything is made.
     if reasons := refused_scenes.reasons_of_settings(settings):
@@ -298,7 +298,7 @@ def _refuse_editing(ours: list[bpy.types.Object]) -> None:
 
 
 def _find_built_blocks(scene: bpy.types.Scene, collection: bpy.types.Collection | None) -> dict[str, Any]:
-    """What was built before, see ``owned_blocks``, even if the user has deleted the collection."""
+    """The data-blocks built before, see ``owned_blocks``, even if the user has deleted the collection."""
     if collection is not None:
         return {**built_objects(collection), **owned_blocks(collection)}
     theirs = {block for other in bpy.data.collections if other.get(TAG) == "scene"

@@ -1,1 +1,1 @@
-"""Whether Blender's data-blocks are still what was built."""
+"""Detects changes of built data-blocks by hand."""

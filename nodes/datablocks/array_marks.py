@@ -21,8 +21,8 @@ _READ: dict[str, tuple[Any, str, int]] = {
     "INT32_3D": (np.int32, "value", 3), "QUATERNION": (np.float32, "value", 4), "FLOAT4X4": (np.float32, "value", 16)}
 #: Prefix of the attributes by which errors are shown on the ground. They are removed before a render.
 PAINTED = "icymoon_depth_error"
-#: Attributes that are not marked: errors that are shown, baked light, which follows from all else, what is selected or
-#: hidden in Edit Mode, and the edges of corners, which follow from the vertices of edges and corners.
+#: Attributes that are not marked: errors shown on the ground, baked light, which follows from all else, selection and
+#: hiding in Edit Mode, and the edges of corners, which follow from the vertices of edges and corners.
 _LEFT_OUT = (PAINTED, *BAKED_ATTRIBUTES.values(), ".select", ".hide", ".uv_select", ".pin", ".vs.", ".es.", ".pn.",
              ".corner_edge")
 _INDICES = (".corner_vert", ".edge_verts")

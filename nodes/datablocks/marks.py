@@ -48,7 +48,7 @@ class Walk:
         self._structs: list[tuple[int, type]] = []
 
     def mark(self, block: Any) -> str:
-        """The mark of a data-block and of what it refers to.
+        """The mark of a data-block and of all data-blocks that it refers to.
 
         A reference back to a data-block that is still being read counts as its distance, which ends circles.
         """

@@ -12,9 +12,9 @@ _FIX = "press Build Scene to build it again"
 
 
 def read_stored(owner: Any, key: str, shape: Shape, absent: str = "{}") -> Any:
-    """The content of the property ``key`` of a data-block, of this shape; ``absent`` is the text where there is none.
+    """The content of the property ``key`` of a data-block; ``absent`` replaces a missing text.
 
-    Raises IcyMoonError for anything else.
+    Raises IcyMoonError if the content does not have the ``shape``.
     """
     return parse_stored(owner.get(key, absent), f"{owner.name}: the property {key}", shape)
 

@@ -1,4 +1,4 @@
-"""What the arm touches: the ground as it is meshed, itself, the lander."""
+"""Contacts of the arm with the meshed ground, with itself and with the lander."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Contact:
 
 
 def find_contact(settings: Settings, site_m: float, terrain: bpy.types.Object) -> Contact:
-    """What the arm of complete settings touches, on the triangles of the ground."""
+    """The contacts of the arm of complete settings; contacts with the ground are with its triangles."""
     arm, joints = arm_of(settings, site_m), joint_values(settings)
     ends = np.array([end for line in lines_of(arm, joints) for end in (line.start, line.end)])
     heights = _heights_near(terrain, ends.min(axis=0)[:2] - _MARGIN_M, ends.max(axis=0)[:2] + _MARGIN_M)
@@ -49,7 +49,7 @@ def find_contact(settings: Settings, site_m: float, terrain: bpy.types.Object) -
 
 
 def _heights_near(terrain: bpy.types.Object, low: np.ndarray, high: np.ndarray) -> Heights:
-    """Heights of the highest triangle of the ground at points between two corners (2,); NaN where there is none."""
+    """Heights of the highest triangle of the ground at points between two corners (2,); NaN outside the ground."""
     mesh = terrain.data
     mesh.calc_loop_triangles()
     places, corners = np.empty(3 * len(mesh.vertices), np.float32), np.empty(3 * len(mesh.loop_triangles), np.int32)

@@ -1,4 +1,4 @@
-"""The lander's objects: one for each link, with a label of its own, and where the settings put it."""
+"""The lander's objects, one with a separate label for each link, and their poses from the settings."""
 
 from __future__ import annotations
 
@@ -91,5 +91,8 @@ def place_lander(objects: dict[str, bpy.types.Object], settings: Settings, site_
 
 
 def pads_of(body: bpy.types.Object) -> list[float]:
-    """Heights in metres of the ground under the pads over that under the left camera, of which the legs were made."""
+    """Heights in metres of the ground under the pads, for which the legs were made.
+
+    They are relative to the ground under the left camera.
+    """
     return [float(each) for each in body[PADS]]

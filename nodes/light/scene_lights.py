@@ -30,7 +30,7 @@ ROLES = ("planet", "planetshine", "rings", "stars")
 
 
 def described_sky(settings: Settings) -> Sky:
-    """The sky of the settings. Raises IcyMoonError if the date or kernels give no sky, or that of another body."""
+    """The sky of the settings. Raises IcyMoonError if the date or kernels give no sky, or the sky of another body."""
     check_body(settings)
     return sky_of(settings.light, str(Path(bpy.data.filepath).parent) if bpy.data.filepath else None)
 

@@ -100,7 +100,7 @@ class Tree:
 
 
 def _plain(struct: Any) -> dict[str, Any]:
-    """The plain properties of a node, without those of the node editor."""
+    """The plain properties of a node, without properties of the node editor."""
     return {p.identifier: getattr(struct, p.identifier) for p in struct.bl_rna.properties
             if p.type in ("BOOLEAN", "INT", "FLOAT", "STRING", "ENUM") and not p.is_readonly
             and not getattr(p, "is_array", False) and p.identifier not in _EDITOR}

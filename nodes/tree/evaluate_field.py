@@ -31,7 +31,7 @@ class _Translation:
         self._made: dict[str, Any] = {}
 
     def translate(self, socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
-        """The output in the group of what is an output in the shader. Raises NotTranslatable."""
+        """The output in the group that corresponds to an output in the shader. Raises NotTranslatable."""
         node = socket.node
         if node.bl_idname == "ShaderNodeNewGeometry" and socket.identifier == "Position":
             return self._make(node.name, "GeometryNodeInputPosition").outputs[0]
