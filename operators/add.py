@@ -51,7 +51,7 @@ class _AddOperator:
         return {"FINISHED"}
 
 
-#: Of the ground itself, what the redo panel shows at once; the rest is under Advanced.
+#: Settings of the ground itself that the redo panel shows at once; the others are under Advanced.
 _MAIN = ("size_m", "resolution", "rms_slope_deg", "hurst")
 _LANDFORMS = tuple(key for key, topic in TOPICS.items() if topic.parent == LANDFORMS)
 _OPTIONS: dict[str, dict[str, Any]] = {"resolution": {"default": 257}}
@@ -84,7 +84,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
     filled_from: bpy.props.StringProperty(options={"HIDDEN", "SKIP_SAVE"})  # type: ignore[valid-type]
 
     def read_settings(self, context: bpy.types.Context) -> Settings:
-        """The settings of the sidebar or of the preset, with what was changed here."""
+        """The settings of the sidebar or of the preset, with the changes made here."""
         start = scene_properties.read_settings(context.scene.icymoon)
         if self.preset != _AS_IN_SIDEBAR[0]:
             start = description.merged(start, {key: description.defaults()[key] for key in ("terrain", *_LANDFORMS)},
@@ -95,7 +95,7 @@ class ICYMOON_OT_add_terrain(_AddOperator, bpy.types.Operator):
         return description.merged(start, *own)
 
     def _fill(self, start: Settings) -> None:
-        """Take what was not given from ``start``.
+        """Take from ``start`` the settings that the caller did not give.
 
         A preset that is chosen later, in the redo panel, replaces all but size, resolution and seed.
         """

@@ -47,7 +47,7 @@ class ICYMOON_OT_make_asset_library(jobs.JobOperator, bpy.types.Operator):
     def report_success(self, context: bpy.types.Context) -> None:
         if not find_asset_libraries():
             library = context.preferences.filepaths.asset_libraries.new(name=_NAME, directory=str(asset_folder()))
-            library.import_method = "APPEND"  # what is dropped can be edited; Blender 5 would pack it otherwise
+            library.import_method = "APPEND"  # dropped assets can be edited; Blender 5 would pack them otherwise
         _show_in_browsers()
         made = count_of(self._assets, "asset")
         self.report({"INFO"}, f"Made {made}; choose the library {_NAME} in the Asset Browser")

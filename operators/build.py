@@ -79,7 +79,7 @@ def show_scene(context: bpy.types.Context, built: scenes.Built) -> None:
 
 
 def restore_views() -> None:
-    """Give the 3D Views that showed a built scene back what they were before; undo or redo may show it there again."""
+    """Restore the 3D Views that showed a built scene; undo or redo may show the scene there again."""
     _left.update(_views_before)
     places = [(window, area) for window in bpy.context.window_manager.windows for area in window.screen.areas
               if area.type == "VIEW_3D" and area.spaces.active.as_pointer() in _views_before]
@@ -100,7 +100,7 @@ def restore_views() -> None:
 
 
 def _follow_undo() -> None:
-    """Give the views back if undo has taken away what they show, and show it again if redo has brought it back."""
+    """Restore the views if undo has removed the built scene, and show it again if redo has brought it back."""
     there = any(scenes.find_collection(scene) for scene in bpy.data.scenes)
     if _views_before and not there:
         restore_views()

@@ -1,8 +1,7 @@
-"""3D Views that show the colours of errors, and what they showed before.
+"""Shows the colours of errors in 3D Views, and restores the views afterwards.
 
-The window's layout knows no undo, so a timer gives views back when undo takes the errors away, and shows the colours
-again when they return. A scene keeps what its view showed before, for when its file is
-opened again.
+The window's layout knows no undo, so a timer restores the views when undo removes the errors, and shows the colours
+again when the errors return. A scene stores the earlier shading of its view, for when its file is opened again.
 """
 
 from __future__ import annotations
@@ -15,9 +14,9 @@ import bpy
 
 from ..nodes import measured_surface, painted_errors
 
-#: Custom property of a scene: what its view showed before.
+#: Custom property of a scene: the shading of its view before the colours.
 KEPT = "icymoon_view_before_colours"
-#: What 3D Views were like before they showed colours, by their addresses.
+#: Shading of 3D Views before they showed colours, by their addresses.
 _before: dict[int, dict[str, str]] = {}
 #: The views that no longer show colours, because undo or a button took the errors away; whether they were in Solid
 #: shading.
@@ -36,8 +35,8 @@ def _views() -> Iterator[tuple[bpy.types.Scene, Any]]:
 def show_colours(context: bpy.types.Context, items: Iterable[bpy.types.Object], solid: bool = False) -> None:
     """Make the 3D View with the button show the colours of objects, in its local view too; ``solid``: in Solid shading.
 
-    The colours of the ground itself are visible in Solid shading only, without light, so that they are those of the
-    legend.
+    The colours of the ground itself are visible in Solid shading only. It has no light there, so that the colours match
+    the legend.
     """
     space: Any = context.space_data
     if context.area is None or context.area.type != "VIEW_3D":
@@ -53,7 +52,7 @@ def _colour(scene: bpy.types.Scene, space: Any, solid: bool) -> None:
     _left.pop(space.as_pointer(), None)
     if solid:
         kept.setdefault("type", shading.type)
-        shading.type = "SOLID"  # first: the other two are those of Solid shading
+        shading.type = "SOLID"  # first: the other two properties belong to Solid shading
         kept.setdefault("light", shading.light)
         shading.light = "FLAT"
     kept.setdefault("color_type", shading.color_type)
@@ -62,7 +61,7 @@ def _colour(scene: bpy.types.Scene, space: Any, solid: bool) -> None:
 
 
 def hide_errors(scene: bpy.types.Scene) -> None:
-    """Remove the measured surface and the painted errors of a scene, and give the views back what they showed."""
+    """Remove the measured surface and the painted errors of a scene, and restore the views."""
     measured_surface.clear_points(scene)
     painted_errors.clear(scene)
     scene.pop(KEPT, None)
@@ -70,7 +69,7 @@ def hide_errors(scene: bpy.types.Scene) -> None:
 
 
 def give_back_views(scene: bpy.types.Scene) -> None:
-    """Give the views back what they showed before if no errors are shown in a scene any more."""
+    """Restore the views if a scene no longer shows errors."""
     if not is_shown(scene):
         scene.pop(KEPT, None)
         restore_views()
@@ -82,7 +81,7 @@ def is_shown(scene: bpy.types.Scene) -> bool:
 
 
 def restore_views() -> None:
-    """Give the views that showed colours back what they showed before."""
+    """Restore the earlier shading of the views that showed colours."""
     for _, space in _views():
         kept = _before.get(space.as_pointer(), {})
         if kept:
@@ -95,7 +94,7 @@ def restore_views() -> None:
 
 
 def _follow_undo() -> None:
-    """Give the views back if undo has taken the errors away, and show the colours again if redo has brought them."""
+    """Restore the views if undo has removed the errors, and show the colours again if redo has brought them back."""
     there = any(map(is_shown, bpy.data.scenes))
     if _before and not there:
         restore_views()
@@ -119,7 +118,7 @@ def _forget(*_: Any) -> None:
 
 @bpy.app.handlers.persistent
 def _remember(*_: Any) -> None:
-    """Know what the views of an opened file showed before they showed the colours in which they were saved."""
+    """Read the earlier shading of the views of an opened file that was saved with the colours shown."""
     for scene, space in _views():
         stored: Any = scene.get(KEPT)
         kept = ({key: str(stored[key]) for key in _KEYS if key in stored}

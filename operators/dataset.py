@@ -179,7 +179,7 @@ def batch_command(settings: Settings, plan: str) -> list[str]:
 
 
 def start_batch(settings: Settings, command: list[str], plan: str) -> Detached:
-    """Start a ``batch_command``; ``plan`` is what the setting ``dataset.plan`` has for the plan.
+    """Start a ``batch_command``; ``plan`` is the plan as the setting ``dataset.plan`` names it.
 
     Raises IcyMoonError if the data set is being rendered.
     """

@@ -26,7 +26,7 @@ MAPS = ((stored_maps.SUITABILITY, "Suitability", "How far each place keeps the r
 
 
 def decided_methods(scene: bpy.types.Scene) -> list[str]:
-    """The matchers whose decisions on the data set can be shown, then the true depth; empty if there are none."""
+    """The matchers with decisions on the data set to show, then the true depth; empty without decisions."""
     try:
         return stored_maps.methods_of(_folder(scene))
     except IcyMoonError:
@@ -71,7 +71,7 @@ class ICYMOON_OT_paint_decisions(bpy.types.Operator):
 
 
 def _read_decisions(scene: bpy.types.Scene, method: str, kind: str) -> tuple[Built, stored_maps.StoredMap]:
-    """The built scene and a map of its pair. Raises IcyMoonError if there is none."""
+    """The built scene and a map of its pair. Raises IcyMoonError if one of them is missing."""
     folder = _folder(scene)
     pairs = stored_maps.pairs_of(folder, method)
     if not pairs:

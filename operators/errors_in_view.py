@@ -79,8 +79,8 @@ class ICYMOON_OT_paint_errors(ResultOperator, bpy.types.Operator):
 def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, list[DepthErrors]]:
     """The built scene, and the errors of a matcher on its evaluated pairs.
 
-    The pairs of the present settings, or else those of the same ground and cameras. Raises IcyMoonError if there are
-    none.
+    These are the pairs of the present settings, or else pairs of the same ground and cameras. Raises IcyMoonError if
+    there is no such pair.
     """
     files = disparity_files(scene, method)
     if not files:
@@ -91,7 +91,7 @@ def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, lis
 
 
 def built_as_set(scene: bpy.types.Scene) -> scenes.Built:
-    """The built scene. Raises IcyMoonError if its ground or camera is not that of the present settings."""
+    """The built scene. Raises IcyMoonError if its ground or camera differs from the present settings."""
     built = scenes.find(scene)
     if built is None or built.preview:
         raise IcyMoonError("The ground of the evaluated pair is not what is built now; press Build Scene first.")
@@ -103,8 +103,8 @@ def built_as_set(scene: bpy.types.Scene) -> scenes.Built:
 
 
 def shown_pairs(scene: bpy.types.Scene, built: scenes.Built, names: Sequence[str]) -> list[str]:
-    """Those of the pairs of these ids that show what is built: of the present settings, or else of the same ground and
-    cameras. Raises IcyMoonError, with the reason, if there are none."""
+    """The pairs with these ids that show the built scene: of the present settings, or else of the same ground and
+    cameras. Raises IcyMoonError, with the reason, if no pair shows it."""
     settings = scene_properties.read_settings(scene.icymoon)
     found = [pair.id for pair in planned_pairs(scene, settings) if pair.id in names]
     folder = dataset_folder(settings) / "pairs"
@@ -117,7 +117,10 @@ def _of_ground_or_camera(name: str) -> bool:
 
 
 def _find_same_views(built: scenes.Built, headings: int, folders: Sequence[Path]) -> list[str]:
-    """Ids of pairs of what is built, one for each heading. Raises IcyMoonError, with the reason, if there are none."""
+    """Ids of pairs of the built scene, one for each heading.
+
+    Raises IcyMoonError, with the reason, if no pair shows the scene.
+    """
     found: dict[float, str] = {}
     reasons = []
     for folder in folders:

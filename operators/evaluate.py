@@ -31,7 +31,7 @@ from .render import dataset_folder, planned_pairs
 
 
 def rendered_pairs(context: bpy.types.Context, settings: Settings) -> list[Path]:
-    """The folders of the rendered pairs of the present settings. Raises IcyMoonError if there are none."""
+    """The folders of the rendered pairs of the present settings. Raises IcyMoonError if no pair is rendered."""
     dataset = dataset_folder(settings)
     paths = [path for path in (p.folder(dataset) for p in planned_pairs(context.scene, settings)) if is_complete(path)]
     if not paths:
@@ -178,7 +178,7 @@ class ICYMOON_OT_toggle_matcher(bpy.types.Operator):
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:
-        """With what the matcher needs, if anything."""
+        """The tooltip, with the requirements of the matcher, if any."""
         needs = NEEDS.get(properties.matcher, "")
         return f"{cls.__doc__}. It needs {needs}" if needs else str(cls.__doc__)
 

@@ -92,7 +92,7 @@ def show(scene: bpy.types.Scene, path: Path) -> None:
 
 
 def count(scene: bpy.types.Scene) -> None:
-    """The view now shows what it will show: let the picture go when that is clear."""
+    """The view now shows its final ground: remove the picture once the view is clear."""
     if _shown is not None and _shown.scene == scene.name and _shown.left is None:
         _shown.left = _DRAWN
 

@@ -17,7 +17,7 @@ from .sidebar_text import in_window, plain
 
 
 def report_lines(scene: bpy.types.Scene) -> list[str]:
-    """What the import of the built ground found, line by line; empty for procedural ground."""
+    """The findings of the import of the built ground, line by line; empty for procedural ground."""
     built = scenes.find(scene)
     found = built.ground.get("report", []) if built is not None else []
     return [plain(text) for text in found]

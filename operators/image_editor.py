@@ -21,9 +21,9 @@ def showing(context: bpy.types.Context, image: bpy.types.Image) -> list[bpy.type
 
 
 def find_or_open(context: bpy.types.Context, open_window: bool) -> bpy.types.Area | None:
-    """An open Image Editor, but no UV Editor, none in Paint or Mask mode, and none that is pinned to its image.
+    """An open Image Editor in View mode that is not pinned to its image and is not a UV Editor.
 
-    If there is none, ``open_window`` opens a window with one. The other editors of the user stay as they are.
+    Without such an editor, ``open_window`` opens a window with one. The other editors of the user stay as they are.
     """
     for _, area in editors(context):
         space = area.spaces.active

@@ -60,7 +60,7 @@ class Job:
 
     @property
     def remaining_s(self) -> float | None:
-        """Estimate of the remaining seconds, or None while there is none: at first the start of the process counts."""
+        """Estimate of the remaining seconds; None at first, when the start of the process would distort it."""
         past_s = time.monotonic() - self.started
         if self.fraction <= 0.02 or (self.fraction < _SURE_FROM and past_s < _SURE_FROM_S):
             return None

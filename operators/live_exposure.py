@@ -70,7 +70,7 @@ def work() -> float | None:
 
 
 def _start() -> jobs.Job | None:
-    """Start to develop the shown images of a waiting scene; None if there are none, or another job runs."""
+    """Start to develop the shown images of a waiting scene; None without such images, or while another job runs."""
     if jobs.current is not None:
         return None  # the other job may be writing the same images
     scene = bpy.data.scenes.get(_waiting.pop()) if _waiting else None

@@ -45,7 +45,7 @@ _kept: dict[tuple[str, str, str], tuple[str, str, str]] = {}  # Blender requires
 
 
 def own_folder() -> Path:
-    """The folder of the user's own presets. Raises IcyMoonError if there is none."""
+    """The folder of the user's own presets. Raises IcyMoonError if Icy Moon is not an installed extension."""
     return extension_folder() / "presets"
 
 
@@ -58,7 +58,7 @@ def own_presets() -> dict[str, Path]:
 
 
 def path_of(name: str) -> Path:
-    """The file of a preset, shipped or the user's own. Raises IcyMoonError if there is none."""
+    """The file of a preset, shipped or the user's own. Raises IcyMoonError if the preset does not exist."""
     if not name.startswith(OWN):
         return preset_files.preset_path(name)
     try:
@@ -125,9 +125,9 @@ def shown_title(scene: bpy.types.Scene) -> str:
 
 
 def is_changed(scene: bpy.types.Scene) -> bool:
-    """Whether the scene is described otherwise than by its preset, which loading the preset would undo.
+    """Whether the settings of the scene differ from its preset, so that loading the preset would change them.
 
-    Data set and quality are no part of it: a preset keeps those of the user.
+    Data set and quality do not count: loading a preset keeps the user's.
     """
     name = scene.icymoon.preset
     if not name or not _exists(name):
@@ -242,7 +242,7 @@ def _show(operator: bpy.types.Operator, context: bpy.types.Context, picture: Pat
 
 
 class ICYMOON_OT_add_preset(bpy.types.Operator):
-    """Save the present settings, without those of the data set, as your own preset. It replaces one of the same name"""
+    """Save the present settings, except the data set, as your own preset. It replaces a preset of the same name"""
 
     bl_idname = "icymoon.add_preset"
     bl_label = "Add Preset"

@@ -1,7 +1,7 @@
 """The ground of a scene that was just chosen: coarse at once, then at full resolution while the user looks.
 
-A thread computes the ground, and a timer builds the scene from it. It is no undo step of its own: undo takes the chosen
-scene back as a whole. Where undo and redo show the coarse ground again, the fine one follows again.
+A thread computes the ground, and a timer builds the scene from it. This adds no undo step: undo takes the chosen scene
+back as a whole. Where undo and redo show the coarse ground again, the fine ground follows again.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from . import first_picture, jobs, view_resolution
 from .build import look_through, views_through
 
 _INTERVAL_S = 0.1
-#: What the sidebar shows meanwhile.
+#: Text in the sidebar while the fine ground is computed.
 NOTE = "Coarse ground; the fine one follows"
-#: Beginnings of the names of operators that hold what they change, or that a wait would interrupt.
+#: Beginnings of the names of operators that hold the data they change, or that a wait would interrupt.
 _BUSY = ("TRANSFORM_OT_", "VIEW3D_OT_", "SCULPT_OT_", "PAINT_OT_", "MESH_OT_")
 
 
@@ -34,7 +34,7 @@ class _Meshing(threading.Thread):
     """The ground of settings that is being computed."""
 
     def __init__(self, settings: Settings) -> None:
-        super().__init__(name="Icy Moon ground")  # no daemon: Python waits for it before it frees what it uses
+        super().__init__(name="Icy Moon ground")  # no daemon: Python waits for it before it frees its data
         self.settings = settings
         self.found: MeshedGround | None = None
         self.error = ""
@@ -56,7 +56,7 @@ def begin() -> None:
 
 
 def note(scene: bpy.types.Scene) -> str:
-    """What the sidebar shows while the ground of the scene is made at full resolution; empty if it is not."""
+    """Text for the sidebar while the ground of the scene is made at full resolution; empty otherwise."""
     if not bpy.app.timers.is_registered(_work):
         return ""
     return NOTE if preview.awaits_ground(scene, scene_properties.read_for_display(scene.icymoon)) else ""
@@ -80,7 +80,7 @@ def _is_busy() -> bool:
 
 
 def _work() -> float | None:
-    """Compute the ground of a scene that awaits it, then build the scene. The timer calls it until there is none."""
+    """Compute the ground of a scene that awaits it, then build the scene. The timer stops when no scene waits."""
     global _meshing
     found = _next()
     if found is None:

@@ -96,7 +96,7 @@ class ICYMOON_OT_render_pair(jobs.JobOperator, bpy.types.Operator):
         self._warn(built)
         self._scene_uid = context.scene.session_uid
         self._rendered: list[str] = []
-        # The worker need not build again what is there; other headings have meshes of their own.
+        # The worker can use the built scene; other headings have their own meshes.
         as_built = bool(built.edited) or settings.dataset.headings == 1
         files = JobFiles(dataset_folder(settings), with_absolute_files(settings), again=self.again,
                          scene=context.scene.name if as_built else None)

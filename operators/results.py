@@ -52,7 +52,7 @@ _COUNT_TOO = {"DATASET": ("folder", "methods"), "SCENE": ("folder", "methods", "
 @dataclass(frozen=True)
 class Kept:
     """The last evaluation of a scene: its time, scope, pairs and settings, a row of ``METRICS`` for each matcher, and
-    notes on what the results do not tell.
+    notes on the limits of the results.
 
     It comes from a .blend file, which anyone may have written: show it, but never open or run anything in it.
     """
@@ -65,7 +65,7 @@ class Kept:
     notes: tuple[str, ...] = ()
     briefs: tuple[str, ...] = ()  # of the notes
     rare_failures: tuple[str, ...] = ()  # which matchers fail heavily in few pairs
-    doubts: tuple[str, ...] = ()  # those of the notes that make results doubtful
+    doubts: tuple[str, ...] = ()  # the notes that make results doubtful
 
 
 def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
@@ -143,7 +143,7 @@ def summary(scene: bpy.types.Scene) -> list[dict[str, Any]]:
 
 
 def limits(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Sentences on what the results of a scene's last evaluation do not tell, the most important first."""
+    """Sentences on the limits of the results of a scene's last evaluation, the most important first."""
     found = kept_results(scene)
     return found.notes if found else ()
 
@@ -155,7 +155,7 @@ def limits_in_brief(scene: bpy.types.Scene) -> tuple[str, ...]:
 
 
 def is_doubt(scene: bpy.types.Scene, brief: str) -> bool:
-    """Whether a note makes the results of a scene's last evaluation doubtful, by what it is in brief."""
+    """Whether the note that begins with ``brief`` makes the results of a scene's last evaluation doubtful."""
     found = kept_results(scene)
     return found is not None and any(doubt.startswith(brief) for doubt in found.doubts)
 
@@ -213,7 +213,7 @@ def notes(scene: bpy.types.Scene) -> list[str]:
 
 
 def _read_report(folder: Path) -> dict[str, Any]:
-    """A finished evaluation: its ``summary.json``, or its ``report.json`` if there is none."""
+    """A finished evaluation: its ``summary.json``, or else its ``report.json``."""
     brief = folder / "summary.json"
     path = brief if brief.is_file() else folder / "report.json"
     try:
@@ -252,7 +252,7 @@ def outcome(row: Mapping[str, Any]) -> str:
 
 
 def outcomes(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """``outcome`` of each row, the best matcher last: the status bar shows what is reported last."""
+    """``outcome`` of each row, the best matcher last: the status bar shows the last report."""
     return [outcome(row) for row in sorted(rows, key=_badness, reverse=True)]
 
 
@@ -267,7 +267,7 @@ def percent(value: float | None) -> str:
 
 
 def metres(value: float | None) -> str:
-    """A length in metres to a millimetre. If there is none, a dash without a unit."""
+    """A length in metres to a millimetre; a dash without a unit if it is unknown."""
     return "–" if value is None else f"{value:.3f} m"
 
 
@@ -308,8 +308,8 @@ def methods_with_disparities(scene: bpy.types.Scene) -> list[str]:
 
 
 def error_images(scene: bpy.types.Scene, method: str = "") -> list[Path]:
-    """The error images of the last evaluation that exist: those of ``method``, then from the best matcher to the
-    worst."""
+    """The existing error images of the last evaluation: of ``method`` first, then from the best matcher to the worst.
+    """
     found = sorted(_files(scene, "error"), key=lambda each: each[0] != method)
     return [path for _, path in found]
 
@@ -335,7 +335,7 @@ def methods_with_points(scene: bpy.types.Scene) -> list[str]:
 
 
 def show_error_image(context: bpy.types.Context, open_window: bool, method: str = "") -> bool:
-    """``show_images`` for the error images, that of ``method`` first, and for the depth images if there are any."""
+    """``show_images`` for the error images, ``method`` first, and for the depth images if there are any."""
     errors = error_images(context.scene, method)
     names = {path: f"Error of {describe_method(name)}" for name, path in _files(context.scene, "error")}
     return show_images(context, [*errors, *depth_images(context.scene)] if errors else [], open_window, names)
@@ -345,8 +345,8 @@ def show_images(context: bpy.types.Context, paths: list[Path], open_window: bool
                 names: Mapping[Path, str] | None = None) -> bool:
     """Load images and show the first in an Image Editor, as a step of undo; False if there is no Image Editor.
 
-    If no Image Editor is open, ``open_window`` opens a window with one. ``names`` are what the editor calls them, if
-    not by their files.
+    If no Image Editor is open, ``open_window`` opens a window with one. ``names`` are names of images in the editor, in
+    place of the names of their files.
     """
     if not paths or bpy.app.background:
         return False

@@ -56,7 +56,7 @@ class Shown:
     """The pair and the view that the picture shows."""
 
     folder: Path
-    made_of: tuple[Any, ...]  # what it was developed from, see ``_made_of``
+    made_of: tuple[Any, ...]  # the sources of its development, see ``_made_of``
     views: PairViews
     view: str
     turn: int = 0  # which of a view's pictures
@@ -180,7 +180,7 @@ class ShowsPair:
     _read: _Reading
 
     def find_folder(self, context: bpy.types.Context) -> Path:
-        """The folder of the pair to show. Raises IcyMoonError if there is none."""
+        """The folder of the pair to show. Raises IcyMoonError if there is no such pair."""
         raise NotImplementedError
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -281,7 +281,7 @@ class ICYMOON_OT_show_pair(ShowsPair, bpy.types.Operator):
 # ---- what panels show -----------------------------------------------------------------------------------------------
 
 def current(scene: bpy.types.Scene) -> Shown | None:
-    """What is shown, if it is a pair of this scene."""
+    """The pair and view that are shown; None if they are not of this scene."""
     return shown if shown is not None and shown.folder in kept_pairs(scene) else None
 
 

@@ -32,12 +32,12 @@ from ..settings.topics.light import LightSettings
 from ..settings.topics.scene import Settings
 from ..support.printer import show_controls
 
-#: Disparity error, px, for which the depth error is given: that of good matchers on textured ground.
+#: Disparity error, px, for which the depth error is given: the error of good matchers on textured ground.
 DISPARITY_ERROR_PX = 0.25
 Found = TypeVar("Found")
 _MOST_KEPT = 4
 LINE = 36  # characters that fit the sidebar as Blender opens it
-_ICON = 6  # characters that an icon takes, those of a narrow sidebar being wide
+_ICON = 6  # characters that an icon takes; a narrow sidebar has wide characters
 _WIDTH_PX, _SHORTEST = 280, 18  # of the sidebar as Blender opens it; of a line in the narrowest one
 #: 'quality.truth', 'quality.truth is DEPTH', 'quality.truth to DEPTH', 'quality.truth = DEPTH', 'quality.truth DEPTH'
 _NAME = re.compile(r"\b([a-z_]+)[.]([a-z]\w*)(?:( (?:(?:is|to|=) )?)([A-Z]\w*))?")
@@ -280,7 +280,7 @@ def speed_line(settings: Settings) -> str:
 
 @lru_cache(maxsize=2)
 def known_speed(device: str) -> Speed | None:
-    """The measured speed of this machine with this Blender, read once; None if there is none."""
+    """The measured speed of this machine with this Blender, read once; None before it was measured."""
     return recall_speed(device, bpy.app.version_string)
 
 

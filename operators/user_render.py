@@ -1,8 +1,8 @@
-"""The user's own render (F12) of a built scene: what the left eye sees, as a pair is rendered.
+"""The user's own render (F12) of a built scene: the view of the left eye, rendered as in a pair.
 
-Pairs are rendered in a scene of their own. The user's scene has a frame, an engine and objects of its own, so without
-this F12 would show the inside of Blender's default cube, in another engine. What is changed here is noted in the built
-collection, and Clear Scene sets it back where the user has not changed it since.
+Pairs are rendered in a separate scene. The user's scene has its own frame, engine and objects, so without these changes
+F12 would show the inside of Blender's default cube, in another engine. The changes are noted in the built collection,
+and Clear Scene reverts each value that the user has not changed since.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ _VALUES = ("BOOLEAN", "INT", "FLOAT", "ENUM", "STRING")
 
 
 def prepare_render(scene: bpy.types.Scene, built: scenes.Built) -> None:
-    """Let F12 render what a pair would show: Cycles with the quality of the scene, without the user's other objects.
+    """Let F12 render the image of a pair: Cycles with the quality of the scene, without the user's other objects.
 
-    It is done once after Clear Scene, so what the user sets later stays.
+    It is done once after Clear Scene, so later choices of the user stay.
     """
     if NOTE in built.collection:
         return

@@ -33,15 +33,15 @@ from . import jobs
 SIDE_PX, SAMPLES = (128, 96), (8, 48)
 #: ``quality.walk_px`` at least: paths inside the snow that are shorter than a pixel cost four times the rest.
 _WALK_PX = 1.0
-#: Ends of which pictures are kept.
+#: Maximum number of scenes whose pictures of both ends are kept.
 _MOST = 32
 _pictures: Any = None  # a preview collection, by the names in ``_made``
-_made: dict[str, tuple[str, str]] = {}  # names of the pictures of the ends, by what they show
+_made: dict[str, tuple[str, str]] = {}  # names of the pictures of the ends, by the settings shown
 _keys: dict[int, str] = {}  # by scene, until anything changes
 
 
 def rough(settings: Settings) -> Settings:
-    """What renders a picture of a pair fast: few pixels and light paths, a coarse ground and its largest rocks."""
+    """Settings for a fast picture of a pair: few pixels and light paths, a coarse ground and its largest rocks."""
     rig, mesh, denoises = settings.rig, settings.mesh, compat.has_oidn()
     size = 0 if denoises else 1
     share = min(1.0, SIDE_PX[size] / max(rig.width_px, rig.height_px))

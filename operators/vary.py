@@ -1,4 +1,4 @@
-"""Vary This Scene: the list of settings that vary, what it will take, and rendering its pairs."""
+"""Vary This Scene: the list of settings that vary, the estimate of time and size, and rendering its pairs."""
 
 from __future__ import annotations
 
@@ -54,9 +54,9 @@ _PICTURES, _DIALOG_LINE = 24, 60
 _SHOWN = 12
 #: Characters that a line of the list has room for.
 _LIST_LINE = 29
-#: Pairs that the estimate takes the mean of.
+#: Number of pairs over which the estimate takes the mean.
 _SAMPLE = 16
-#: Pairs of a plan up to which its ids are compared with those of a data set that is there: it takes a second.
+#: Maximum number of pairs whose ids are compared with an existing data set: it takes a second.
 _COMPARED = 500
 _EDITED = ("The scene was edited by hand, and a plan contains settings only, so its pairs would not show the edits; "
            "press Build Scene to undo them.")
@@ -81,7 +81,7 @@ _ITEMS = [(name, f"{TOPICS[name.partition('.')[0]].label} ▸ {label_of(name)}",
 
 
 def setting_of_button(context: bpy.types.Context) -> str:
-    """The setting under the mouse when a context menu was opened; empty if it is none of Icy Moon."""
+    """The setting under the mouse when a context menu was opened; empty if it is not a setting of Icy Moon."""
     prop, group = getattr(context, "button_prop", None), getattr(context, "button_pointer", None)
     topic = type(group).__name__.removeprefix("ICYMOON_PG_")
     if prop is None or topic not in TOPICS or prop.identifier not in {s.key for s in TOPICS[topic].settings}:
@@ -113,7 +113,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
 
     @classmethod
     def description(cls, context: bpy.types.Context, properties: Any) -> str:
-        """With what the field tells of the setting, where one is given."""
+        """The tooltip, with the description of the setting if one is given."""
         if not properties.is_property_set("setting"):
             return str(cls.__doc__)
         return (f"Vary {label_of(properties.setting)}: render a pair for each value and see how the error depends on "
@@ -153,7 +153,7 @@ class ICYMOON_OT_vary(_ValueFields, bpy.types.Operator):
             self.layout.column().prop(self, "values")
 
     def _complete(self, root: Any) -> None:
-        """State what was not: as it is in the list, or else about the present value."""
+        """Fill in the fields that the caller did not give: from the list, or else with values about the present one."""
         there = next((each for each in scene_properties.read_variations(root).varied if each.name == self.setting),
                      None)
         topic, _, key = self.setting.partition(".")
@@ -263,7 +263,8 @@ class ICYMOON_OT_variation_move(_ListOperator, bpy.types.Operator):
 
 
 def lines(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """What the variations of a scene make and take, or why they cannot be, in sentences; computed once per change."""
+    """Sentences on the pairs of a scene's variations, their time and size, or on why they are impossible; computed once
+    per change."""
     device = str(scene.icymoon.quality.device)
     key = (scene.session_uid, known_speed(device))
     if key not in _lines:
@@ -295,9 +296,9 @@ def _forget_after(*_: Any) -> None:
 
 
 def why_not_a_plan(scene: bpy.types.Scene, thorough: bool = False) -> str:
-    """Why a plan would not show what the scene shows, in a sentence; empty if it would.
+    """Why the pairs of a plan would not show the scene, in a sentence; empty if they would.
 
-    Only a ``thorough`` look finds edits of what was built; it reads all meshes.
+    Only a ``thorough`` look finds edits of built objects; it reads all meshes.
     """
     collection = scenes.find_collection(scene)
     if collection is None:
@@ -325,7 +326,8 @@ def _plan_text(scene: bpy.types.Scene, settings: Settings) -> str:
 def _fault_of_folder(folder: Path, text: str) -> str:
     """Why a plan cannot be rendered into a folder, in a sentence; empty if it can.
 
-    It can into a folder without plan and pairs, into that of its own data set, and into one whose pairs it has all.
+    A folder fits if it has neither plan nor pairs, if it is the plan's own data set, or if the plan contains all of its
+    pairs.
     """
     path, pairs = folder / PLAN, folder / "pairs"
     try:
@@ -396,10 +398,10 @@ class ICYMOON_OT_render_variations(dataset.DatasetOperator, bpy.types.Operator):
         if not self._asked:
             return super().execute(context)
         # A dialog runs it as a script does, which would wait until all pairs are there; and Blender does not free an
-        # operator that becomes modal when its dialog is confirmed. So another one does the work.
+        # operator that becomes modal when its dialog is confirmed. So another operator does the work.
         try:
             bpy.ops.icymoon.render_variations("INVOKE_DEFAULT", folder=self.folder)
-        except RuntimeError as error:  # what it has reported
+        except RuntimeError as error:  # with the operator's report
             self.report({"ERROR"}, show_controls(str(error).removeprefix("Error: ").strip()))
             return {"CANCELLED"}
         return {"FINISHED"}
@@ -471,7 +473,7 @@ def curve_title(name: str) -> str:
 
 
 def _show_curves(context: bpy.types.Context, open_window: bool, first: str = "") -> None:
-    """Show the curves in an Image Editor, that of the setting ``first`` before the others."""
+    """Show the curves in an Image Editor, the curve of the setting ``first`` before the others."""
     curves = sorted_curves(context.scene)
     results.show_images(context, sorted(curves.values(), key=lambda path: path != curves.get(first)), open_window,
                         {path: curve_title(name) for name, path in curves.items()})

@@ -44,7 +44,7 @@ _UNSEEN = 1 / 255
 def white_of(settings: Settings, measured: float = 1.0) -> float:
     """The radiance, W/(m² sr), that is white in the images; 0 if nothing is lit.
 
-    With auto exposure it is estimated; ``measured`` is that of a pair as a share of the estimate.
+    With auto exposure it is estimated; ``measured`` is the radiance of a pair as a share of the estimate.
     """
     sensor = settings.sensor
     if not sensor.auto_exposure:
@@ -129,7 +129,7 @@ def measure(scene: bpy.types.Scene, folder: Path, exposures_s: tuple[float, ...]
 
 
 def how_exposed(scene: bpy.types.Scene) -> str:
-    """How the exposure of the view differs from that of a pair: '' if it does not, 'estimated', or 'other'."""
+    """How the exposure of the view differs from the exposure of a pair: '' if it is equal, 'estimated', or 'other'."""
     collection = scenes.find_collection(scene)
     if collection is None or not is_ours(scene) or scene.view_settings.view_transform != TRANSFORM:
         return "other"

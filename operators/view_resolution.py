@@ -25,7 +25,7 @@ _INTERVAL_S = 1.0
 #: A view rests when all of this Blender takes less than this fraction of one processor.
 _RESTING = 0.1
 
-_since_s = 0.0  # when the view began to trace what it traces now
+_since_s = 0.0  # when the view began to trace its present picture
 _last = 0.0, 0.0  # the clock's and the processor's seconds at the last look
 
 
@@ -35,7 +35,7 @@ def has_window() -> bool:
 
 
 def begin(scene: bpy.types.Scene) -> None:
-    """Show what has changed in a built scene with larger pixels first.
+    """Show the changes of a built scene with larger pixels first.
 
     A choice that the user has made since the last time stays, and so does every choice if a graphics card renders.
     """
