@@ -13,8 +13,11 @@ from .fields import draw_sentence
 
 
 def draw_decisions(layout: Any, scene: bpy.types.Scene) -> None:
-    """Draw a button for each map of each matcher that has decisions; below those of the matcher that is shown what its
-    colours mean, near the eye and so that no button moves from under the mouse. Nothing without decisions."""
+    """Draw a button for each map of each matcher that has decisions; nothing without decisions.
+
+    The meanings of the colours follow below the buttons of the matcher that is shown: near the eye, and without moving
+    a button from under the mouse.
+    """
     shown, meanings = painted_decisions.shown_map(scene), painted_decisions.legend(scene)
     for method in decided_methods(scene):
         box = layout.box().column(align=True)

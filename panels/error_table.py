@@ -34,7 +34,7 @@ def draw_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str,
 
 
 def explain_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Draw what the names of the table mean, and failures of few."""
+    """Draw the meanings of the names in the table, and heavy failures in few pairs."""
     draw_sentence(layout, "Wrong: off by over 1 px, or missing. The grey metrics are of covered pixels.")
     draw_sentence(layout, "Wrong order (DOD): share of pairs of pixels of which the wrong one is nearer. Shape "
                           "error (si-RMSE): spread of the ratio of measured to true depth, blind to scale.")

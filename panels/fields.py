@@ -87,8 +87,8 @@ def draw_start(layout: Any, operator: str, text: str, icon: str = "NONE", **prop
 
 
 def draw_lines(layout: Any, lines: Iterable[str], icon: str = "NONE", hang: str = "") -> None:
-    """Draw lines of text, with an icon before the first. What is too long for the sidebar goes on in the next line,
-    which begins with ``hang``."""
+    """Draw lines of text, with an icon before the first. Text too long for the sidebar goes on in the next line, which
+    begins with ``hang``."""
     column, has_icon = layout.column(align=True), icon != "NONE"
     for k, line in enumerate(part for each in lines for part in in_lines(each, hang, has_icon)):
         column.label(text=line, icon="BLANK1" if k and has_icon else icon)

@@ -119,7 +119,7 @@ class ICYMOON_MT_dataset(bpy.types.Menu):
 
 
 class ICYMOON_MT_results(bpy.types.Menu):
-    """Show what was measured, and remove it from the view"""
+    """Show measured results, and remove them from the view"""
 
     bl_idname = "ICYMOON_MT_results"
     bl_label = "Results"
@@ -211,8 +211,8 @@ def _draw_status(self: Any, context: bpy.types.Context) -> None:
 def _append_to_status_bar() -> None:
     """Draw the running job in the status bar, in the session that installed the extension too.
 
-    At its first call ``WorkSpace.status_text_set`` stores how the status bar is drawn, and each later call puts that
-    back. Blender calls it while it installs an extension, so what is appended afterwards would be lost.
+    At its first call ``WorkSpace.status_text_set`` stores the function that draws the status bar, and each later call
+    restores this function. Blender calls it while it installs an extension, so a later addition would be lost.
     """
     header, shown = bpy.types.STATUSBAR_HT_header, bpy.types.STATUSBAR_HT_header.draw
     stored = getattr(header, _STORED, None)

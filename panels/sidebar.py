@@ -38,7 +38,7 @@ from .view_line import view_line
 FIRST, LAST = 10, 1000
 
 
-#: Characters that the icons of a panel's header take beside its title, and those of a panel within another.
+#: Characters that the icons of a header take beside the title, for a panel and for a panel within another panel.
 _BESIDE, _WITHIN = 9, 11
 
 
@@ -267,7 +267,7 @@ class ICYMOON_PT_plan(Sidebar, bpy.types.Panel):
 
 
 class ICYMOON_PT_ground_report(Sidebar, bpy.types.Panel):
-    """What the import found and repaired in the file of the ground"""
+    """Findings and repairs of the import in the file of the ground"""
 
     bl_idname = "ICYMOON_PT_ground_report"
     bl_label = "Import Report"

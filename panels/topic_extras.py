@@ -38,8 +38,8 @@ def _draw_seed(layout: Any, context: bpy.types.Context) -> None:
 
 
 def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
-    """What was measured on the ground. That of an earlier one stays, grey: fields must not move while the user drags a
-    number."""
+    """Draw the measured roughness of the ground. Values of an earlier ground stay, grey: fields must not move while the
+    user drags a number."""
     settings = scene_properties.read_for_display(context.scene.icymoon)
     lines, earlier = scenes.ground_statistics(context.scene), scenes.shows_earlier_ground(context.scene, settings)
     if not lines or (earlier and preview.awaits_ground(context.scene, settings)):
@@ -53,7 +53,7 @@ def _draw_roughness(layout: Any, context: bpy.types.Context) -> None:
 
 
 def _draw_moons(layout: Any, context: bpy.types.Context) -> None:
-    """A button for each moon whose sky is shipped; that of the scene is pressed."""
+    """Draw a button for each moon whose sky is shipped; the button of the scene's moon is pressed."""
     body = context.scene.icymoon.light.body
     split = layout.split(factor=0.25)
     split.label(text="Sky of")
@@ -98,7 +98,7 @@ def _draw_qualities(layout: Any, context: bpy.types.Context) -> None:
             row.label(text=quality.brief)
     for lack in dict.fromkeys(quality.lacks for quality in shipped if quality.lacks):
         titles = " and ".join(quality.title for quality in shipped if quality.lacks == lack)
-        # Where the present settings can be rendered, they are what the fix would make.
+        # If the present settings can be rendered, the fix has nothing to change.
         told = lack if own.lacks else (f"{lack.partition(';')[0]}; the Blender of blender.org has it. For a first "
                                        "look, lower Samples.")
         draw_sentence(column, f"{titles} cannot be rendered here. {told}", "ERROR")

@@ -94,7 +94,7 @@ def _make_topic_panel(topic: Topic, order: int) -> type:
 def _make_section_panel(topic: Topic, section: Section, order: int) -> type:
     own = _switch(topic.key, section.switch) if section.switch else {}
     name = f"ICYMOON_PT_{topic.key}_{section.key}"
-    # Blender indents what is inside a sub-panel no further, so the label tells what it belongs to.
+    # Blender does not indent the content of a sub-panel, so the label names its topic.
     label = f"{section.label} {topic.brief or topic.label}" if section == ADVANCED else section.label
     return type(name, (_SectionPanel, bpy.types.Panel), {
         "__doc__": section.description, "bl_idname": name, "bl_label": label,

@@ -63,7 +63,7 @@ class ICYMOON_PT_vary(Sidebar, bpy.types.Panel):
 
 
 def _draw_render(layout: Any, context: bpy.types.Context) -> None:
-    """Draw what the variations make and take, and the buttons that render and save them."""
+    """Draw the pairs, time and size of the variations, and the buttons that render and save them."""
     root = context.scene.icymoon
     total, *cost = vary.lines(context.scene)
     draw_sentence(layout, total, "RENDER_RESULT" if cost else "ERROR")

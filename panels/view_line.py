@@ -1,21 +1,21 @@
-"""What the 3D View shows otherwise than a render of the pair, in one line for each way of shading."""
+"""Differences of the 3D View from a render of the pair, in one line for each kind of shading."""
 
 from __future__ import annotations
 
 from typing import Any
 
-#: What differs from a pair besides noise, by ``view_exposure.how_exposed``.
+#: Comparison with a pair, by the result of ``view_exposure.how_exposed``.
 _TRACED = {"": "as the pair, but for noise", "other": "as the pair, but for exposure and noise",
            "estimated": "as the pair, exposure estimated"}
 
 
 def view_line(space: Any, engine: str, exposed: str = "other", coarse: bool = False, covered: bool = False,
               without_planetshine: bool = False) -> str:
-    """How what a 3D View shows differs from a pair, if the scene has this render engine; empty without a view.
+    """How the picture in a 3D View differs from a pair, if the scene has this render engine; empty without a view.
 
-    ``exposed`` is one of the keys of ``_TRACED``. A ``coarse`` view has larger pixels than the user has chosen, a
-    ``covered`` one shows the picture by which the scene was chosen, one ``without_planetshine`` leaves it out as too
-    faint to see.
+    ``exposed`` is one of the keys of ``_TRACED``. A ``coarse`` view has larger pixels than the user has chosen. A
+    ``covered`` view shows the picture by which the scene was chosen. A view ``without_planetshine`` leaves out
+    planetshine that is too faint to see.
     """
     if space is None:
         return ""
