@@ -29,11 +29,11 @@ def _of_effect(effect: str) -> set[tuple[str, str]]:
 
 _SHAPE, _LOOK, _LIGHT, _LANDER, _CAMERA, _SAMPLING, _RESPONSE = map(
     _of_effect, ("geometry", "material", "light", "lander", "camera", "sampling", "response"))
-#: What the lander takes from the rig, which its mast carries.
+#: Settings of the rig that the lander uses, because its mast carries the rig.
 _MAST = {("rig", key) for key in ("x_m", "y_m", "height_m", "heading_deg", "pitch_deg", "baseline_m")}
 
 
-#: What the path of a scoop depends on where it is that of the arm's joints: the arm's sizes and where it stands.
+#: Settings that determine the path of a scoop if the arm's joints move it: the arm's sizes and where it stands.
 _DIGS = {("rig", key) for key in ("x_m", "y_m", "heading_deg", "baseline_m")} | {
     ("lander", key) for key in ("kind", "file", "turn_deg")} | {
     (topic, key) for topic, key in _LANDER if topic == "arm" and key.endswith("_m")}

@@ -188,7 +188,7 @@ def nearest_topic(topic: str, known: Iterable[str], cutoff: float = 0.5) -> str:
 
 
 def _setting(name: str, where: str) -> Setting:
-    """The setting with a name. Raises IcyMoonError if there is none."""
+    """The setting with a name. Raises IcyMoonError if no setting has it."""
     topic, _, key = name.partition(".")
     try:
         return TOPICS[topic][key]
@@ -230,7 +230,7 @@ class Restorer:
         return _made_once(self._checked, topic, values, lambda: _check_table(topic, values, where, stored=True))
 
     def _complete_once(self, topic: str, values: Mapping[str, Any]) -> Settings:
-        """A table with what it does not state, by its topic."""
+        """A table by its topic, completed from ``_before`` with the settings that it lacks."""
         return _made_once(self._whole, topic, values,
                           lambda: merged({topic: self._before.get(topic, {})}, {topic: values}))
 
@@ -273,7 +273,7 @@ def merged(*parts: Parts) -> Settings:
 
 
 def overlaid(base: Settings, part: Parts) -> Settings:
-    """``merged`` of a description and what differs from it. Tables that do not differ are those of ``base``."""
+    """``merged`` of a description and a part that overrides it. The result shares the other tables with ``base``."""
     return Settings({**base, **merged({topic: base.get(topic, {}) for topic in part}, part)})
 
 

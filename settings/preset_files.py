@@ -106,7 +106,7 @@ def plan_names() -> list[str]:
 def preset_path(name: str) -> Path:
     """The file of a shipped preset, ``kind/name``, or only the name of a scene preset.
 
-    Raises IcyMoonError if there is none.
+    Raises IcyMoonError if the preset does not exist.
     """
     for candidate in (PRESETS / f"{name}.toml", PRESETS / "scenes" / f"{name}.toml"):
         if ".." not in name and is_file(candidate):
@@ -116,9 +116,9 @@ def preset_path(name: str) -> Path:
 
 
 def preview_path(name: str) -> Path:
-    """The picture of a shipped preset, or 'choose' for that of all scenes. Not every preset has a picture.
+    """The picture of a shipped preset, or 'choose' for one picture of all scenes. Not every preset has a picture.
 
-    Those of presets of a part are in a folder of their kind.
+    Pictures of presets of a part are in a folder of their kind.
     """
     kind, _, stem = name.rpartition("/")
     return PRESETS / "previews" / ("" if not kind or is_whole(name) else kind) / f"{stem}.jpg"

@@ -7,12 +7,12 @@ from typing import Any
 
 from .topics.declaration import Parts
 
-#: Tables of settings by topic, with what all share or what one has beside it.
+#: Tables of settings by topic: the settings that all descriptions share, or the other settings of one description.
 Tables = dict[str, dict[str, Any]]
 
 
 def find_shared(descriptions: Iterable[Parts]) -> Tables:
-    """The settings that all of these have, and with one value."""
+    """The settings that all of these descriptions have with the same value."""
     first: Parts = {}
     shared: Tables = {}
     for k, settings in enumerate(descriptions):
@@ -31,12 +31,12 @@ def _is_same(table: Mapping[str, Any], key: str, value: Any) -> bool:
 
 
 def without_shared(settings: Parts, shared: Parts) -> Tables:
-    """What a description has beside what it shares."""
+    """The settings of a description that are not shared."""
     own = {topic: {key: value for key, value in table.items() if key not in shared.get(topic, {})}
            for topic, table in settings.items()}
     return {topic: table for topic, table in own.items() if table}
 
 
 def with_shared(own: Parts, shared: Parts) -> Tables:
-    """A description of what it has itself and what it shares."""
+    """A description from its own and the shared settings; its own override the shared ones."""
     return {topic: {**shared.get(topic, {}), **own.get(topic, {})} for topic in {**shared, **own}}

@@ -1,4 +1,4 @@
-"""The table of settings: all topics, ours and those of plug-ins.
+"""The table of settings: all topics, ours and the topics of plug-ins.
 
 Blender's property groups (``Scene.icymoon``), the keys of presets and TOML files, ``--set topic.key=value``, the
 sidebar, the documentation and the provenance in ``pair.json`` are all made from ``TOPICS``. ``topics/`` declares ours.
@@ -41,7 +41,7 @@ def all_settings() -> list[tuple[str, Setting]]:
 def ground_settings() -> dict[str, tuple[str, str]]:
     """(topic, key) of the seed, of each number of a patch of ground and of all of its landforms, by a keyword.
 
-    The radius of the body is none of them: a patch is flat.
+    The radius of the body is left out, because a patch is flat.
     """
     ground = {s.key: ("terrain", s.key) for s in TOPICS["terrain"].settings
               if s.kind in ("int", "float") and s.key != "body_radius_m"}

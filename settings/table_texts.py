@@ -1,7 +1,6 @@
-"""What is made of the tables of many descriptions, once for all that share a table. Imports no Blender.
+"""Results made from the tables of many descriptions, once for each shared table. Imports no Blender.
 
-The pairs of a plan differ in a few tables and share the others, so most of what is needed of a pair is known from
-another.
+The pairs of a plan differ in a few tables and share the others, so most results for a pair are known from another pair.
 """
 
 from __future__ import annotations
@@ -15,15 +14,15 @@ Made = TypeVar("Made")
 
 
 class MadeOnce(Generic[Made]):
-    """What ``make`` makes of a table, remembered for that very table. Tables must not be changed meanwhile."""
+    """The result of ``make`` for a table, remembered by the identity of the table. Tables must not be changed."""
 
     def __init__(self, make: Callable[[Mapping[str, Any]], Made]) -> None:
         self._make = make
-        # With the table itself: as long as it is there, no other has its identity.
+        # The stored table stays alive, so no other table gets its identity.
         self._known: dict[int, tuple[Mapping[str, Any], Made]] = {}
 
     def of(self, table: Mapping[str, Any]) -> Made:
-        """What was made of this table, or is made now."""
+        """The result for this table, made if it is new."""
         known = self._known.get(id(table))
         if known is None:
             known = self._known[id(table)] = (table, self._make(table))

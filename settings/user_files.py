@@ -43,7 +43,7 @@ def used_files(settings: Settings, blend_folder: str | None = None) -> dict[str,
 
 
 def content(settings: Settings, blend_folder: str | None = None) -> str:
-    """A hash of the content of the files in use and of the recipes of stand-ins; empty if there are none.
+    """A hash of the content of the files in use and of the recipes of stand-ins; empty without files and stand-ins.
 
     Raises IcyMoonError if a file cannot be read.
     """
@@ -54,7 +54,7 @@ def content(settings: Settings, blend_folder: str | None = None) -> str:
             marks.append(name + "".join(_sha256(*state) for state in states))
         except OSError as error:
             raise IcyMoonError(f"{error.filename or path}: cannot be read ({error.strerror}); check {name}.") from None
-    # Stand-ins are made where they are needed. What they are made by counts, not how this machine has rounded them.
+    # Stand-ins are made where they are needed. Their recipe counts, not how this machine has rounded them.
     marks += [f"{item.key} {RECIPE}" for item in items_of(settings)]
     return hashlib.sha256("".join(marks).encode()).hexdigest() if marks else ""
 

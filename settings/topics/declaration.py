@@ -60,7 +60,7 @@ ELSEWHERE = Section("elsewhere", "", "")
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """One setting. ``minimum`` and ``maximum`` bound what is accepted, ``soft`` is the range of the slider.
+    """One setting. ``minimum`` and ``maximum`` bound its values, ``soft`` is the range of the slider.
 
     ``shown`` tells whether the present choices use it, and the sidebar hides it if not; ``active`` whether the present
     numbers and ticks let it have an effect, and it is grey if not. ``since`` is the release that brought it, empty for
@@ -141,7 +141,7 @@ class Topic:
         return tuple(sorted(found, key=lambda section: (section == ADVANCED, section.order)))
 
     def keys_in(self, section: Section | None) -> tuple[str, ...]:
-        """The settings of a sub-panel, without the tick in its header; of None, those of no sub-panel."""
+        """The settings of a sub-panel, without the tick in its header; for None, the settings outside sub-panels."""
         return tuple(s.key for s in self.settings if s.section == section and not (section and s.key == section.switch))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Landforms, each of which its first number turns on."""
+"""Landforms; the first number of each turns it on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Noise, bias and speed of a render, and what it stores."""
+"""Noise, bias and speed of a render, and the files that it stores."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """All settings of a scene, as one type: ``settings.terrain.hurst`` is a number that the type checker knows.
 
-A description is plain data: each table is a dictionary, and a partial description, such as that of a preset, has the
-same types and lacks some of the tables and keys.
+A description is plain data: each table is a dictionary, and a partial description, such as a preset's, has the same
+types and lacks some of the tables and keys.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ TABLES: dict[str, type[Table]] = get_type_hints(Settings)
 #: The type of each entry, by topic and key of a list of tables.
 ENTRIES: dict[str, dict[str, type[Table]]] = {
     topic: {setting.key: setting.entry for setting in table.fields if setting.entry} for topic, table in TABLES.items()}
-#: The topics that are ours, of which the manual's pages are made.
+#: Our own topics, from which the manual's pages are made.
 OUR_TOPICS: dict[str, Topic] = {key: table.topic for key, table in TABLES.items()}
 
 

@@ -1,7 +1,7 @@
-"""What the GUISS paper uses and does not publish, what stands in for it, and what is known of it.
+"""Stand-ins for the unpublished textures and meshes of the GUISS paper, and the known facts about the originals.
 
-The names are those of the paper's public code (its lists of textures and meshes). What its images and meshes look like
-is not published there, so what a stand-in shows is a guess unless the name tells it.
+The names are from the paper's public code (its lists of textures and meshes). The appearance of the images and meshes
+is not published there, so the content of a stand-in is a guess unless the name tells it.
 """
 
 from __future__ import annotations
@@ -49,9 +49,9 @@ class TextureItem:
 
 @dataclass(frozen=True)
 class MeshItem:
-    """A stand-in mesh, ``size_m`` wide, of about so many ``triangles`` before its rim is cut, with ``holes``.
+    """A stand-in mesh, ``size_m`` wide, with about ``triangles`` triangles before its rim is cut, and with ``holes``.
 
-    ``sites`` are where a camera can stand, in metres east and north of its middle.
+    ``sites`` are places for a camera, in metres east and north of its middle.
     """
 
     number: int
@@ -119,7 +119,7 @@ _TEXTURES = {item.key: item for item in TEXTURES}
 
 _SURVEY = "a mesh reconstructed from photographs of that name, with one image; not published. Its size is not stated"
 _GAEA = "a mesh of that name made with the program Gaea, without an image of its own; not published"
-#: Sites are those of the public code, in metres from the middle; those of the largest survey are an eighth of them.
+#: Sites are from the public code, in metres from the middle; for the largest survey they are divided by eight.
 MESHES = (
     MeshItem(1, "ATHABASCA", "Glacier Surface", "Athabasca_surface_2", _SURVEY, 16.0, 30000, 3, ((0.0, 0.0),)),
     MeshItem(2, "GLACIER_42M", "Crevassed Glacier", "42m_before_NE", _SURVEY, 64.0, 60000, 8,

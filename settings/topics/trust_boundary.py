@@ -21,9 +21,9 @@ from collections.abc import Iterable
 CLASSES = {"name": "A name or a date that is looked up", "read": "A file that is read as data",
            "written": "A folder that results are written to", "mark": "A number that stands for what is missing",
            "matchers": "Names of matchers with their numbers and choices, no program or file"}
-#: Options of matchers that name what is run or loaded; only the user gives them.
+#: Options of matchers that name a program to run or a file to load; only the user gives them.
 LOADS = ("command", "checkpoint", "python", "model")
-#: What a mark is called where nothing is missing, even if it looks so.
+#: Text of a mark that says that no value is missing, even if one looks so.
 NO_MARK = "none"
 #: Prefix of a matcher that the user has set up, as in own:mine.
 OWN = "own"
