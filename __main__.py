@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 from types import TracebackType
 
-#: Verbs that are programs of their own: what they import must not be needed by the others.
+#: Verbs that are separate programs: the other verbs must work without the imports of these.
 _PROGRAMS = {"stereo": "stereo.cli", "worker": "render.worker",
              "resident-worker": "render.resident_worker", "assets": "render.asset_worker",
              "geometry": "render.geometry_worker",

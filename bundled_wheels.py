@@ -52,8 +52,10 @@ def find_folder() -> str:
 
 
 def use() -> None:
-    """Have this process find the wheels, before what is installed, as Blender does. In another Python it does
-    nothing."""
+    """Let this process find the wheels before installed packages, as Blender does.
+
+    In another Python it does nothing.
+    """
     folder = find_folder()
     if folder and folder not in sys.path:
         installed = {*site.getsitepackages(), site.getusersitepackages()}
@@ -63,7 +65,7 @@ def use() -> None:
 
 @cache
 def find_python() -> str | None:
-    """Blender's own Python as a program; None if there is none that has Blender's numpy.
+    """Blender's own Python as a program; None if no candidate has Blender's numpy.
 
     Blender's ``sys.executable`` may be any Python on the search path, so each candidate is tried.
     """

@@ -37,9 +37,9 @@ def custom_properties(struct: Any) -> list[str]:
 
 
 def stored_groups(group: Any) -> dict[str, dict[str, Any]]:
-    """What a property group stores in groups of its own, also in those that are no longer registered.
+    """The values in the sub-groups of a property group, also in sub-groups that are no longer registered.
 
-    From 5.0 on, these are apart from custom properties.
+    From 5.0 on, sub-groups are stored apart from custom properties.
     """
     separate = getattr(group, "bl_system_properties_get", None)
     stored = separate() if separate else group
@@ -93,7 +93,7 @@ def disable_light_factors(light: Any) -> None:
 def draw_linear_texture(texture: Any, x: float, y: float, width: float, height: float) -> None:
     """Draw a texture of linear light over a 3D View, its lower left corner at (x, y) of the region.
 
-    Before 5.0 the view encodes for the screen what is drawn over it. Since then what is drawn must be encoded.
+    Before 5.0 the view encodes drawings over it for the screen. Since 5.0 the drawing itself must be encoded.
     """
     from gpu_extras.presets import draw_texture_2d
 
@@ -166,7 +166,7 @@ def applies_usd_unit() -> bool:
 
 
 #: Properties of Normal Map nodes from 5.1 on, with the values that earlier Blenders imply: green is up, and the normal
-#: is that of the mesh before displacement.
+#: is taken from the mesh before displacement.
 NORMAL_MAP = {name: value for name, value in (("convention", "OPENGL"), ("base", "ORIGINAL"))
               if name in bpy.types.ShaderNodeNormalMap.bl_rna.properties}
 

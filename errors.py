@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class IcyMoonError(Exception):
-    """One sentence: what is wrong, where, and the fix.
+    """One sentence: the fault, its place, and the fix.
 
     Operators turn it into a report, the command line into a line on stderr and exit code 1;
     anything else that is raised is a defect of ours and keeps its traceback.

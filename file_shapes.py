@@ -1,8 +1,8 @@
-"""What a file that is read back must contain: which keys, and of which kind.
+"""Required shapes of files that are read back: the keys, and the kind of each value.
 
-It may be of another version, cut off by a full disk or changed by hand. So nothing in it is used before it was compared
-with a shape: a kind of value, a table of shapes by key (``Maybe`` where a key may be absent), or ``Each`` for tables
-and lists that hold any number of one shape. Imports no Blender.
+A file may be of another version, cut off by a full disk or changed by hand. So nothing in it is used before it was
+compared with a shape: a kind of value, a table of shapes by key (``Maybe`` where a key may be absent), or ``Each`` for
+tables and lists that hold any number of one shape. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ def _first_fault(faults: Iterable[str]) -> str:
 
 
 def check_record(data: Any, shape: Shape, where: object, fix: str) -> Any:
-    """``data`` if it has this shape. Raises IcyMoonError with the place, what is wrong and the fix."""
+    """``data`` if it has this shape. Otherwise raises IcyMoonError with the place, the fault and the fix."""
     wrong = find_fault(data, shape)
     if wrong:
         raise IcyMoonError(f"{where}: {wrong}; {fix}.")
@@ -138,7 +138,7 @@ def check_record(data: Any, shape: Shape, where: object, fix: str) -> Any:
 
 
 def read_record(path: Path, shape: Shape, fix: str) -> Any:
-    """The content of a JSON file of this shape. Raises IcyMoonError, FileNotFoundError where there is none."""
+    """The content of a JSON file of this shape. Raises IcyMoonError, or FileNotFoundError if the file is missing."""
     try:
         data = parse_json(read_text(path))
     except FileNotFoundError:
@@ -154,11 +154,11 @@ _OF_A_LINE, _OF_A_NUMBER = 160, 32
 
 def read_number_lines(path: Path, columns: Sequence[str], setting: str,
                       most: int | None = None) -> list[tuple[int, list[float] | None]]:
-    """The numbers of some columns of a CSV file whose first line names its columns: for each line that is not empty,
-    its number in the file and its numbers, None if it has not one for each column.
+    """The numbers of some columns of a CSV file whose first line names its columns.
 
+    For each line that is not empty: its line number in the file and its numbers, or None if a column has no number.
     Raises IcyMoonError if the file that ``setting`` names cannot be read, lacks a column, or has more lines than
-    ``most``, of which no more are read.
+    ``most``; reading stops there.
     """
     return read(path, lambda foreign: _parse_number_lines(foreign, columns, most), "a table of numbers",
                 f"check {setting}", most=MOST_TEXT)

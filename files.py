@@ -42,8 +42,10 @@ _numbers = itertools.count(1)
 
 
 def part_of(path: Path) -> Path:
-    """Where to write what is to become ``path``: a name that no other process uses, on any machine, and that ends
-    in ``PART``."""
+    """Path of the half-written file that will be renamed to ``path``.
+
+    Its name ends in ``PART``, and no other process on any machine uses it.
+    """
     return path.with_name(f"{path.name}.{system.computer_name()}-{os.getpid()}-{next(_numbers)}{PART}")
 
 
@@ -90,14 +92,17 @@ def is_of_file_manager(name: str) -> bool:
 
 
 def list_put_there(folder: Path, pattern: str = "*") -> list[Path]:
-    """What is in a folder and fits a pattern, sorted, without what file managers left there or in folders within."""
+    """The paths in a folder that fit a pattern, sorted, without files that file managers left there or in folders
+    within."""
     return [path for path in sorted(folder.glob(pattern))
             if not any(map(is_of_file_manager, path.relative_to(folder).parts))]
 
 
 def find_leftover_parts(folder: Path, pattern: str = "*") -> Iterator[Path]:
-    """The files in a folder that processes of this computer which have certainly ended left half-written; ``pattern``
-    is what the whole file is called."""
+    """The half-written files in a folder that were left by processes of this computer that have certainly ended.
+
+    ``pattern`` is the name of the whole file.
+    """
     scope = system.process_scope()
     for part in folder.glob(f"{pattern}.{glob.escape(system.computer_name())}-*-*{PART}"):
         writer = part.name.removesuffix(PART).rsplit("-", 2)[1]
@@ -158,7 +163,7 @@ def replace_if_unchanged(path: Path, before: str, text: str) -> bool:
 
 
 class _ChangedError(Exception):
-    """A file is no longer what it was."""
+    """The content of a file has changed."""
 
 
 def sha256(path: Path) -> str:
@@ -241,7 +246,7 @@ def quote(value: object) -> str:
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is such a file; False too for what can be no path."""
+    """Whether there is such a file; False also if the system cannot have such a path."""
     try:
         return path.is_file()
     except (OSError, ValueError):

@@ -8,13 +8,13 @@ NORMAL_AOV = "GeometricNormal"  # value pass: the facet's normal, without bump o
 ALBEDO_AOV = "Albedo"  # value pass of maps of the ground only
 #: Value passes of an image of direct light, by light group: radiance of the ground by light that was baked to it.
 BAKED_AOVS = {"Sun": "Baked", "Planet": "BakedPlanet"}
-#: Of the ground's vertices, by light group: their indirect irradiance over pi, in three bands.
+#: Attributes of the ground's vertices, by light group: their indirect irradiance over pi, in three bands.
 BAKED_ATTRIBUTES = {"Sun": "icymoon_baked_light", "Planet": "icymoon_baked_light_planet"}
-#: Value passes of such an image, by light group: an error as large as that of the baked light, see ``bake``.
+#: Value passes of such an image, by light group: an error as large as the error of the baked light, see ``bake``.
 BAKED_ERROR_AOVS = {"Sun": "BakedError", "Planet": "BakedErrorPlanet"}
-#: Of the ground's vertices, by light group: the same of their irradiance over pi, the mean of the bands.
+#: Attributes of the ground's vertices, by light group: the same error of this irradiance, the mean of the bands.
 BAKED_ERROR_ATTRIBUTES = {group: f"{name}_error" for group, name in BAKED_ATTRIBUTES.items()}
-#: What BAKED_ATTRIBUTES have where no light was baked, so that a pixel that shows such ground is found.
+#: Value of BAKED_ATTRIBUTES where no light was baked, so that a pixel that shows such ground is found.
 NOT_BAKED = -1.0e30
 
 #: Light groups of the Beauty layer, each a pass ``Combined_<group>``, and the setting that weighs it.
@@ -36,8 +36,8 @@ def rounded_passes(files: str, half_floats: str) -> set[str]:
 #: Values of the semantic channel (material index).
 SEMANTIC = {0: "sky", 1: "terrain", 2: "rock", 3: "lander", 4: "planet"}
 TERRAIN, ROCK, LANDER, PLANET = 1, 2, 3, 4
-#: The same of a pixel that a turned sensor does not see, which is neither sky nor anything else; only in what is read
-#: and exported, never in a pair.
+#: Semantic value of a pixel that a turned sensor does not see, which is neither sky nor anything else. Only data that
+#: is read and exported has it, never a pair.
 NOT_SEEN = 255
 #: Labels of instances. Objects have theirs in the object-index pass, at most 32767 in Blender: the
 #: terrain, then the user's objects, each its own pass index or else the next free number. Rocks are

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 def show_rounded(value: float, digits: int = 2) -> str:
-    """A number to so many significant digits, without an exponent, with a space between thousands: 0.0012, 1 200.
+    """A number with ``digits`` significant digits, no exponent, and a space between thousands: 0.0012, 1 200.
 
     The format ``.2g`` alone makes 1e+02 of 100.
     """
@@ -19,7 +19,7 @@ def show_place(latitude_deg: float, longitude_deg: float, form: str = "g") -> st
 
 
 def count_of(number: int, thing: str, things: str = "") -> str:
-    """A count and what is counted, as a reader expects it: 1 pair, 0 pairs, 12 pairs.
+    """A count with its noun, as a reader expects it: 1 pair, 0 pairs, 12 pairs.
 
     ``things`` is the plural where it is not ``thing`` and an s.
     """

@@ -25,7 +25,10 @@ _NEEDED = ", ".join(name for name, *_ in PACKAGES.values())
 
 
 def extension_folder() -> Path:
-    """The extension's own folder, which upgrades keep. Raises IcyMoonError if there is none."""
+    """The extension's own folder, which upgrades keep.
+
+    Raises IcyMoonError if Icy Moon is not an installed extension.
+    """
     try:
         return Path(bpy.utils.extension_path_user(__package__, create=True))
     except ValueError:
@@ -88,8 +91,8 @@ def find_evaluator_python() -> str:
     """Path of the Python that evaluates.
 
     It is the first of these: the preference, ``ICYMOON_EVALUATOR``, this Python if Blender is a module of it, Blender's
-    own Python with the wheels of a store build, the Python that the Install button installed. Raises IcyMoonError if
-    there is none.
+    own Python with the wheels of a store build, the Python that the Install button installed. Raises IcyMoonError
+    without any of these.
     """
     preferences = _preferences()
     chosen = bpy.path.abspath(preferences.evaluator) if preferences and preferences.evaluator else ""

@@ -27,8 +27,8 @@ from .settings.topics.scene import Settings, typed
 
 #: Settings that were read to be displayed, with the time, by the scene's ``session_uid``.
 _displayed: dict[int, tuple[float, int, Settings]] = {}
-#: Animation changes properties without a word, so what is displayed is read anew after this time, which a redraw is
-#: within. So does undo, which may come sooner after a redraw.
+#: Animation changes properties without notice, so displayed settings are read anew after this time, which is longer
+#: than a redraw. Undo also changes them without notice, and may come sooner after a redraw.
 _REDRAW_S = 0.05
 _UNDO = (bpy.app.handlers.undo_post, bpy.app.handlers.redo_post)
 
@@ -122,7 +122,7 @@ def varied_fields(**common: Any) -> dict[str, Any]:
 
 
 def shown_as(end: str, precision: int) -> str:
-    """The property that shows an end of a number that varies, ``first`` or ``last``, with so many decimals.
+    """The property that shows an end of a number that varies, ``first`` or ``last``, with ``precision`` decimals.
 
     The decimals of a property are fixed, and each setting has its own.
     """
@@ -256,7 +256,7 @@ def read_for_display(group: Any) -> Settings:
 
 @bpy.app.handlers.persistent
 def _forget_displayed(*_: Any) -> None:
-    """Read what is displayed anew at the next redraw; called after undo and redo."""
+    """Read the displayed settings anew at the next redraw; called after undo and redo."""
     _displayed.clear()
 
 

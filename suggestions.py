@@ -1,4 +1,4 @@
-"""What was meant by a word that is not known."""
+"""The known word that an unknown word was probably meant to be."""
 
 from __future__ import annotations
 

@@ -43,11 +43,11 @@ _DEVICES = {"CON", "PRN", "AUX", "NUL", "CONIN$", "CONOUT$",
 #: Tells a process of ours when to stop: at the end of its standard input (-), or when there is a file of this name.
 _STOP = "ICYMOON_STOP"
 #: Environment of a process that computes with images: glibc gives the memory of each array back to Linux and asks for
-#: it again, which takes a tenth of the processor's time, unless it is told to keep that of arrays below 32 MiB.
+#: it again, which takes a tenth of the processor's time. These values make it keep the memory of arrays below 32 MiB.
 KEEPS_MEMORY = {"MALLOC_MMAP_THRESHOLD_": str(2 ** 25), "MALLOC_TRIM_THRESHOLD_": str(2 ** 29)}
 #: Address space in bytes that a thread may take: its stack, and a part of the heap that glibc keeps for it.
 _OF_A_THREAD = 2**27 + 2**26
-#: By how much a program is nicer that others go before; the class that Windows calls so.
+#: Increase of niceness of a program of low priority, and the class of Windows for the same.
 _NICER, _BELOW_NORMAL = 10, 0x4000
 _LOOK_S, _GRACE_S = 0.25, 3.0
 _Result = TypeVar("_Result")
@@ -148,7 +148,7 @@ def remove_folder(path: Path) -> None:
 
 
 def is_broken_pipe(error: OSError) -> bool:
-    """Whether nobody reads any more what is printed; Windows reports an invalid argument."""
+    """Whether nobody reads the printed output any more; Windows reports an invalid argument."""
     return isinstance(error, BrokenPipeError) or (
         is_windows() and error.errno == errno.EINVAL and error.filename is None)
 
@@ -180,8 +180,8 @@ def lock_for_child(path: Path) -> IO[bytes] | None:
 
 
 def is_lock_held(path: Path) -> bool:
-    """Whether a process lives that has a lock of ``lock_for_child``."""
-    if is_windows():  # locks are not inherited there, but what is open cannot be renamed
+    """Whether a living process has the lock of ``lock_for_child``."""
+    if is_windows():  # locks are not inherited there, but an open file cannot be renamed
         try:
             path.rename(path)
         except FileNotFoundError:
@@ -250,7 +250,7 @@ def is_users(path: Path) -> bool:
 
 
 def cache_folder() -> Path:
-    """Where the user's programs keep what they can make again."""
+    """The folder where the user's programs keep data that they can make again."""
     home = Path.home()
     usual = {"win32": ("LOCALAPPDATA", home / "AppData" / "Local"), "darwin": ("", home / "Library" / "Caches")}
     variable, otherwise = usual.get(PLATFORM, ("XDG_CACHE_HOME", home / ".cache"))
@@ -347,9 +347,11 @@ def peak_memory_mib_of(pid: int) -> float | None:
 
 @contextmanager
 def bound_memory_and_time(memory: int, cpu_s: float | None = None) -> Iterator[None]:
-    """Bound what this process may take inside the ``with`` statement: so many bytes more than now, and room for the
-    threads of a library, else allocating fails; so many seconds of the processor, if any are stated, else it ends, see
-    ``is_ended_by_time_limit``. Linux can; elsewhere nothing is bounded."""
+    """Bound memory and processor time of this process inside the ``with`` statement, on Linux only.
+
+    Allocating fails beyond ``memory`` more bytes than now and room for the threads of a library. With ``cpu_s``, the
+    process ends after this many more seconds of the processor, see ``is_ended_by_time_limit``.
+    """
     if PLATFORM != "linux":
         yield
         return
@@ -382,8 +384,8 @@ def run(command: Sequence[str], environment: Mapping[str, str] | None = None,
         timeout_s: float | None = None) -> subprocess.CompletedProcess[str]:
     """Run a program to its end, without a window, and return its output.
 
-    It ends, with what it has started, when we are interrupted. Raises OSError if it cannot start, and TimeoutError if
-    it takes longer.
+    The program and all that it has started end when we are interrupted. Raises OSError if it cannot start, and
+    TimeoutError if it takes longer than ``timeout_s``.
     """
     process = start(command, environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     begun = time.monotonic()
@@ -455,7 +457,7 @@ def interrupt(process: subprocess.Popen[bytes]) -> None:
 
 
 def interrupt_other(pid: int, stop: Path) -> None:
-    """Ask a program that ``start_detached`` began, perhaps of an earlier process, to stop; and what it has started."""
+    """Ask a program of ``start_detached`` and all that it has started to stop; an earlier process may have begun it."""
     with suppress(OSError):
         if is_windows():
             stop.touch()
@@ -464,7 +466,7 @@ def interrupt_other(pid: int, stop: Path) -> None:
 
 
 def kill_other(pid: int) -> None:
-    """End such a program at once; what it has started ends with it."""
+    """End a program of ``start_detached`` at once, with all that it has started."""
     with suppress(OSError):
         if is_windows():
             os.kill(pid, signal.SIGTERM)  # which is TerminateProcess there

@@ -25,7 +25,7 @@ class Parser(argparse.ArgumentParser):
     """A parser of a command line, whose messages are printed as all others are."""
 
     def error(self, message: str) -> NoReturn:
-        """Print the usage and what is wrong, and exit with status 2."""
+        """Print the usage and the error, and exit with status 2."""
         super().error(printer.show_controls(message))
 
     def _print_message(self, message: str, file: Any = None) -> None:
@@ -61,7 +61,7 @@ def run_verb(parser: argparse.ArgumentParser, arguments: Sequence[str] | None, p
 
 
 def report_end(error: BaseException, program: str, stopped: str) -> int:
-    """Print on standard error what has ended a command, and return its exit status.
+    """Print on standard error why a command has ended, and return its exit status.
 
     An error that neither the user nor the system can cause is a defect of ours, and is raised again.
     """
@@ -138,8 +138,10 @@ def show_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
 
 @contextmanager
 def show_count(title: str) -> Iterator[Callable[[int, int], None]]:
-    """Show a line on standard error that counts what is done, if that is a terminal; gives the function that takes how
-    many of how many are."""
+    """Show a line on standard error that counts finished items, if standard error is a terminal.
+
+    Gives the function that takes the number of finished items and the number of all items.
+    """
     try:
         yield lambda done, total: printer.rewrite_line(f"{title}: {done} of {total}")
     finally:
@@ -148,7 +150,7 @@ def show_count(title: str) -> Iterator[Callable[[int, int], None]]:
 
 @contextmanager
 def show_counted_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Show a bar on standard error that counts what is done; gives the function that takes the events.
+    """Show a bar on standard error that counts finished items; gives the function that takes the events.
 
     Standard output stays free for results. Where standard error is no terminal there is no bar, but a line every
     ``_LINE_S``, and warnings and errors are printed all the same.
