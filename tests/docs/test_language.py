@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import tokenize
 import tomllib
 from collections.abc import Iterator
 from functools import cache
@@ -14,6 +15,7 @@ import pytest
 from icymoon.settings.table import TOPICS
 from icymoon.settings.toml_text import read_toml
 from icymoon.version import ROOT
+from sources import SOURCES, tree_of
 
 #: A row of the glossary: its word, its meaning, the words that are not used for it.
 _ROW = re.compile(r"^\| ([^|]+) \| ([^|]+) \|([^|]*)\|$", re.MULTILINE)
@@ -106,6 +108,33 @@ def found() -> list[tuple[str, str, str]]:
 def test_words_are_those_of_the_glossary(kind):
     bad = [f"{name}: {fault}" for each, name, fault in found() if each == kind]
     assert not bad, "\n".join(bad)
+
+
+#: Turns that a reader reads twice: the thing is not named.
+_ROUNDABOUT = re.compile(r"\b[Ww]hat (is|are|was|has|have|can|they|it|the)\b|\b(that|those) of\b|\b(is|are) none\b"
+                         r"|\bof its own\b|\bof (which|whom)\b|\bso (many|much|often)\b")
+#: Some of them are the plainest English there is.
+_MOST_ROUNDABOUT = 0.015
+
+
+def _docstrings_and_comments() -> Iterator[tuple[str, str]]:
+    """(place, text) of each docstring and comment of the package."""
+    for path in SOURCES:
+        name = path.relative_to(ROOT).as_posix()
+        for node in ast.walk(tree_of(path)):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and (text := ast.get_docstring(node)):
+                yield f"{name}:{node.body[0].lineno}", text
+        with path.open("rb") as file:
+            yield from ((f"{name}:{token.start[0]}", token.string) for token in tokenize.tokenize(file.readline)
+                        if token.type == tokenize.COMMENT)
+
+
+def test_docstrings_and_comments_name_the_thing():
+    texts = list(_docstrings_and_comments())
+    found = [f"{place}: …{text[max(turn.start() - 40, 0):turn.end() + 40]}…" for place, text in texts
+             if (turn := _ROUNDABOUT.search(text))]
+    assert len(texts) > 1000
+    assert len(found) <= _MOST_ROUNDABOUT * len(texts), "\n".join(found)
 
 
 @pytest.mark.parametrize("page", sorted(manual.written()))
