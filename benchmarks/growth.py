@@ -23,10 +23,10 @@ from pathlib import Path
 from typing import Any
 
 from icymoon.files import json_text
+from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.excavation.jitter import jittered_rig
 from icymoon.physics.light.directions import camera_axes
 from icymoon.physics.light.sky import sky, sky_facts
-from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.render.plans.frozen_plan import freeze_plan
 from icymoon.render.plans.order import ordered
 from icymoon.render.plans.plan_file import read_plan

@@ -20,7 +20,8 @@ from typing import Any
 
 import cv2
 import numpy as np
-from icymoon.render.pairs.pair_folder import EYES, StereoCamera, find_pair_folders, read_pair, read_unchanged_pair
+from icymoon.physics.camera.stereo_camera import StereoCamera
+from icymoon.render.pairs.pair_folder import EYES, find_pair_folders, read_pair, read_unchanged_pair
 from icymoon.settings.topics.camera import RigSettings
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.measure.prepare import eyes_of

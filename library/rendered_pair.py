@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..render.pairs.pair_folder import Pair, StereoCamera, find_pair_folders, read_unchanged_pair
+from ..physics.camera.stereo_camera import StereoCamera
+from ..render.pairs.pair_folder import Pair, find_pair_folders, read_unchanged_pair
 from ..settings import description, preset_files
 from ..settings.table import TOPICS
 from ..settings.topics.declaration import Parts

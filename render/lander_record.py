@@ -15,9 +15,10 @@ from ..nodes.lander.objects import INSTANCES, ROLES, link_poses, names_of_links,
 from ..physics.arm.keypoints import describe_keypoints
 from ..physics.arm.lander_arm import joint_facts
 from ..physics.arm.lander_solids import BODY, HEAD
+from ..physics.camera.stereo_camera import StereoCamera
 from ..settings.topics.scene import Settings
 from .hidden_pixels import read_depth
-from .pairs.pair_folder import EYES, TRUTH_FILE, StereoCamera
+from .pairs.pair_folder import EYES, TRUTH_FILE
 
 #: Metres and sines by which the pose of an object may differ from that of the settings before it counts as moved by
 #: hand: Blender stores single precision.

@@ -18,13 +18,14 @@ from ..paper_stand_ins.items import describe, items_of
 from ..physics import refused_scenes
 from ..physics.camera.blur import blur_of
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
+from ..physics.camera.stereo_camera import StereoCamera
 from ..physics.light.sky import compare_lights
 from ..physics.scene_requirements import find_left_out, traced_sentence
 from ..settings.topics.scene import Settings
 from ..system import peak_memory_mib
 from ..version import version
 from .graphics_cards import list_selected_cards
-from .pairs.pair_folder import EYES, FORMAT, VERSION, StereoCamera
+from .pairs.pair_folder import EYES, FORMAT, VERSION
 from .pairs.workspace_cells import describe_workspace
 from .plans.planned_pair import PlannedPair
 

@@ -18,7 +18,7 @@ from mathutils import Matrix
 from ..errors import IcyMoonError
 from ..nodes.rig import OPENCV_FROM_BLENDER
 from ..physics.camera.blur import Blur, pose_after
-from .pairs.pair_folder import StereoCamera
+from ..physics.camera.stereo_camera import StereoCamera
 
 #: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
 #: that ``quality`` sets: half a bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.

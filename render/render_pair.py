@@ -30,6 +30,7 @@ from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..number_text import count_of
 from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, blur_of
+from ..physics.camera.stereo_camera import StereoCamera
 from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
 from ..rays.stereo_truth import Stage
 from ..settings.topics.lander import WorkspaceSettings
@@ -45,7 +46,7 @@ from .object_labels import lend_labels
 from .pair_record import light_json, pair_json
 from .pairs.baked_file import LIGHT
 from .pairs.our_files import check_no_link
-from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE, StereoCamera
+from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE
 from .pairs.publish import check_place, discard, publish
 from .pairs.workspace_cells import WORKSPACE_FILE, workspace_extent
 from .plans.planned_pair import PlannedPair

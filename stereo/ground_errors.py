@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..render.pairs.pair_folder import StereoCamera, read_unchanged_pair
+from ..physics.camera.stereo_camera import StereoCamera
+from ..render.pairs.pair_folder import read_unchanged_pair
 from .images.colours import ERROR, SKY_GREY, signed_colours
 from .images.disparity_and_occlusion import scene_depth
 from .images.disparity_files import read_disparity

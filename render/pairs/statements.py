@@ -40,7 +40,7 @@ def find_contradictions(data: Mapping[str, Any], settings: Settings, camera: Map
                         eyes: Mapping[str, Any]) -> Iterator[str]:
     """What of a ``pair.json`` its settings contradict, in clauses with the key and both values.
 
-    ``camera`` and ``eyes`` are these tables of the settings, see ``pair_folder.StereoCamera``.
+    ``camera`` and ``eyes`` are these tables of the settings, see ``StereoCamera``.
     """
     by_hand = bool(data.get("edited_by_hand"))
     distortion = dict(zip(COEFFICIENTS, coefficients(settings.rig), strict=True))

@@ -15,6 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.baked_rocks import POINTS
 from ...physics.mesh.grading import grade
 from ...physics.rig.seen_points import is_seen
@@ -29,7 +30,6 @@ from ...settings.topics.camera import RigSettings
 from ...settings.topics.rendering import QualitySettings
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import mesh_item
-from ..pairs.pair_folder import StereoCamera
 from .triangles import count_triangles
 
 #: Processor seconds of a million paths from the corners of a flat mesh, what is added on ground that is as steep as

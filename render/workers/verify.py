@@ -14,6 +14,7 @@ from ...files import list_put_there, quote, read_text, sha256
 from ...formats.exr_layout import read_sizes
 from ...number_text import count_of
 from ...physics.camera.blur import blur_identity
+from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.description import Restorer, digest
 from ...settings.pair_ids import counts, make_counter, value_in_id
 from ...settings.table import all_settings
@@ -29,7 +30,7 @@ from ..pairs.our_files import (
     list_foreign,
     remove_ours,
 )
-from ..pairs.pair_folder import Pair, StereoCamera, check_pair, is_complete, read_pair
+from ..pairs.pair_folder import Pair, check_pair, is_complete, read_pair
 from ..plans.frozen_plan import PLAN, read_frozen_plan
 from ..plans.planned_pair import PlannedPair
 from .claims import CLAIMS_FOLDER, Claims

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ...errors import IcyMoonError
 from ...file_shapes import COUNT, NUMBER, PIXELS, POSITIVE, Maybe, read_record
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from ...support.foreign_bytes import read
 from .data_files import numbers_of, read_fields
 

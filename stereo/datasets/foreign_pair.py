@@ -17,7 +17,7 @@ from ...errors import IcyMoonError
 from ...file_shapes import FILE_NAME
 from ...files import read_checksum
 from ...physics.camera.hidden_points import is_in_frame, matching_column
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from ...support.foreign_bytes import MOST_BYTES
 from ..images import colours
 from ..images.disparity_and_occlusion import ESTIMATED, MASK, visible_in_right

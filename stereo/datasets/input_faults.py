@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from ..measure.fit_check import KINDS, Fault, Places, find_fault, find_misfit, known_places
 from ..measure.metrics import usable
 from .data_files import MapFile

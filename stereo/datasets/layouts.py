@@ -20,7 +20,7 @@ from pathlib import Path
 
 from ...errors import IcyMoonError
 from ...files import list_put_there
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from . import calibrations
 from .data_files import MapFile, find_inside
 from .foreign_pair import CameraReader, ForeignPair, UnusablePair, find_pair, safe_name

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from ..measure.fit_check import Places, are_seen
 
 #: Share of an image that a plateau has at least, and by what factor it is nearer or farther than all other points.

@@ -31,7 +31,7 @@ from typing import Any
 from ...errors import IcyMoonError
 from ...file_shapes import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record
 from ...files import list_put_there
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from ...suggestions import nearest
 from ...support.foreign_bytes import parse_toml, path_hint
 from .data_files import MapFile, find_inside, read_text

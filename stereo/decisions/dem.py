@@ -13,7 +13,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...formats.geotiff import map_notes
 from ...formats.tiff_write import Place, encode_tiff
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from ...support.foreign_bytes import MOST_BYTES, ForeignBytes, RefusedError, parse_npy, read
 
 #: From as many points on, a cell's height is known: a median of fewer is no better than one flying point.

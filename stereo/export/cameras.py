@@ -13,7 +13,8 @@ from ...errors import IcyMoonError
 from ...files import write_json, write_text
 from ...formats.cahvor import cahvor_text, from_pinhole, pds_text
 from ...physics.camera.lens_distortion import coefficients
-from ...render.pairs.pair_folder import EYES, StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
+from ...render.pairs.pair_folder import EYES
 from ...settings import changes
 from ..images.develop import to_8_bit
 from ..images.image_files import write_png

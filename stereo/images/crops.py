@@ -9,8 +9,9 @@ import numpy as np
 
 from ...labels import GROUP_PASSES
 from ...physics.camera.sensor import exposure_of_level, metered_level
+from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.photons import pixel_pitch_m
-from ...render.pairs.pair_folder import EYES, Pair, StereoCamera
+from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.topics.camera import SensorSettings
 from ...settings.topics.scene import Settings
 from .develop import Channels, Images, develop, grey, scaled_radiance

@@ -29,8 +29,9 @@ from ...physics.camera.sensor import (
     noise_generator,
     top_dn,
 )
+from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.photons import electron_rate, pixel_pitch_m
-from ...render.pairs.pair_folder import EYES, Pair, StereoCamera
+from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.topics.camera import SensorSettings
 from ...settings.topics.light import LightSettings
 from ...settings.topics.scene import Settings

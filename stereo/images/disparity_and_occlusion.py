@@ -6,7 +6,7 @@ import numpy as np
 
 from ...labels import PLANET
 from ...physics.camera.hidden_points import find_hidden, is_in_frame, matching_column
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from .exr import Truth
 
 #: How it is known what the other eye sees: from rays that were cast when the pair was rendered, from the depths of both

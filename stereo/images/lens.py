@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from ...physics.camera.lens_distortion import coefficients, distort, refuse_folds, undistort
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.topics.camera import RigSettings
 
 

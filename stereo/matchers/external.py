@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from ...scratch import scratch_folder
 from ...suggestions import nearest
 from ...system import kill_all, start

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from . import jpl_correlator as jpl
 from .affine import refine
 from .opencv import require_room

@@ -23,7 +23,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...files import parse_path, sha256
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from .options import Option
 from .result import Result
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from .command_lines import require_program, split_arguments
 from .options import Option
 from .resident_process import Program, ask_resident, start_resident

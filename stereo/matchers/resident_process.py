@@ -31,7 +31,7 @@ import numpy as np
 from ... import system
 from ...errors import IcyMoonError
 from ...file_shapes import NUMBER
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from ...scratch import make_scratch_folder
 from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from .opencv import SEARCH_RANGE, SUBPIXELS, extended, inside_right, require_room, run_matcher, settle_range
 from .options import Option
 from .result import Result

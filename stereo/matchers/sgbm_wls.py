@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from ...errors import IcyMoonError
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from .opencv import SUBPIXELS, extended, inside_right, require_room, settle_range
 from .options import Option
 from .result import Result

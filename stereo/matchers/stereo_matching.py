@@ -15,7 +15,7 @@ import numpy as np
 
 from ...errors import IcyMoonError
 from ...files import parse_path
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from .command_lines import require_program
 from .options import Option
 from .resident import LIMITS

@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 
 from ...physics.camera.hidden_points import matching_column, warped
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from .jackknife import jackknife, tile_sums
 
 #: Shifts of the right image, px, that are tried along the rows and across them.

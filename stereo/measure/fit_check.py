@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from ...physics.camera.hidden_points import matching_column
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 
 #: Columns that images are reduced to before places are searched: enough for disparities to a pixel of them.
 _COLUMNS = 400

@@ -14,15 +14,9 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...formats.geotiff import map_facts
 from ...labels import BAKED_ERROR_PASSES, GROUP_PASSES, LIGHT_GROUPS, NOT_SEEN
+from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.photons import pixel_pitch_m
-from ...render.pairs.pair_folder import (
-    EYES,
-    Pair,
-    StereoCamera,
-    find_pair_folders,
-    read_pair,
-    read_unchanged_pair,
-)
+from ...render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair, read_unchanged_pair
 from ...settings.description import merged
 from ...settings.topics.scene import Settings
 from ..images import colours

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...physics.camera.hidden_points import matching_column, warped
-from ...render.pairs.pair_folder import StereoCamera
+from ...physics.camera.stereo_camera import StereoCamera
 from ..images.disparity_and_occlusion import visible_in_left, visible_in_right
 from .eye_offsets import (
     FEWEST,

@@ -8,7 +8,7 @@ from icymoon.commands.camera import read_rig
 from icymoon.commands.cli import main
 from icymoon.errors import IcyMoonError
 from icymoon.formats.cahvor import cahvor_text, from_pinhole, pds_text
-from icymoon.render.pairs.pair_folder import StereoCamera
+from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.settings.description import defaults, merged
 
 RIG = merged(defaults(), {"rig": {"width_px": 640, "height_px": 480, "baseline_m": 0.3, "principal_x_px": 3.0,

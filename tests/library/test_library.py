@@ -20,9 +20,9 @@ from icymoon import IcyMoonError, Scene
 from icymoon.formats.tiff_write import encode_tiff
 from icymoon.library.inputs import albedo_input, heights_input
 from icymoon.library.renderers import Hear
+from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.mesh.height_map import place_map
 from icymoon.physics.rocks.table import read_table
-from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.topics.scene import Settings
 from icymoon.settings.user_files import content

@@ -16,13 +16,13 @@ from icymoon.physics.camera import brackets, stereo_geometry
 from icymoon.physics.camera.blur import blur_of, pose_after
 from icymoon.physics.camera.point_spread import apply_lens
 from icymoon.physics.camera.sensor import digital_numbers, electrons, exposure_s, top_dn
+from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.light.photons import electron_rate
 from icymoon.physics.light.sky import sky, sky_facts
 from icymoon.physics.mesh.grading import View
 from icymoon.physics.rocks.size_laws import draw_diameters, size_law
 from icymoon.physics.surfaces import hapke, photometry, principled
 from icymoon.physics.terrain.terrain import make_terrain
-from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_left, visible_in_right

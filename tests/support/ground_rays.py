@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.light.directions import camera_axes
-from icymoon.render.pairs.pair_folder import StereoCamera
 
 #: Distances along a ray, in heights of the camera, at which it is compared with the ground; then bisected.
 _STEPS = np.geomspace(0.05, 60.0, 350)

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 import OpenEXR
 from icymoon.physics.camera.blur import is_blurred
-from icymoon.render.pairs.pair_folder import FORMAT, VERSION, StereoCamera
+from icymoon.physics.camera.stereo_camera import StereoCamera
+from icymoon.render.pairs.pair_folder import FORMAT, VERSION
 from icymoon.settings.description import defaults, merged
 
 SKY_M = 1.0e10

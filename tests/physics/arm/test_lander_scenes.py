@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 from icymoon.physics.arm.parametric import arm_of, find_joint_margin
+from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.light.directions import camera_axes
 from icymoon.physics.terrain.sites import make_rocky_ground
-from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_names
 from icymoon.settings.topics.scene import Settings

@@ -7,8 +7,8 @@ import json
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.cost import estimate
-from icymoon.render.pairs.pair_folder import StereoCamera
 from icymoon.render.plans.indirect import bake_seconds, light_bytes
 from icymoon.render.plans.order import cut_into_jobs, ordered
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings

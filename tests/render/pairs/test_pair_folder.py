@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 from icymoon import files
 from icymoon.errors import IcyMoonError
-from icymoon.render.pairs.pair_folder import StereoCamera, find_pairs, is_complete, read_pair, update_response
+from icymoon.physics.camera.stereo_camera import StereoCamera
+from icymoon.render.pairs.pair_folder import find_pairs, is_complete, read_pair, update_response
 from icymoon.render.plans.frozen_plan import read_frozen_plan
 from icymoon.render.plans.plan_file import find_plan, read_plan
 from icymoon.render.plans.planned_pair import expand_headings

@@ -6,7 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from icymoon.render.pairs.pair_folder import Pair, StereoCamera
+from icymoon.physics.camera.stereo_camera import StereoCamera
+from icymoon.render.pairs.pair_folder import Pair
 from icymoon.render.pairs.scene_splits import scene_of
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.table import TOPICS, all_settings

@@ -12,7 +12,7 @@ import OpenEXR
 import pairs
 import pytest
 from icymoon.errors import IcyMoonError
-from icymoon.render.pairs.pair_folder import StereoCamera
+from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map
 from icymoon.stereo.datasets.input_faults import check_prediction
 from icymoon.stereo.evaluate import evaluate

@@ -9,7 +9,8 @@ import pairs
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.physics.camera.lens_distortion import distort, overscan_needed, refuse_folds, undistort
-from icymoon.render.pairs.pair_folder import StereoCamera, read_pair
+from icymoon.physics.camera.stereo_camera import StereoCamera
+from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.cli import main
 from icymoon.stereo.images.develop import develop

@@ -1,0 +1,115 @@
+"""The geometry of a stereo pair: pixels, depth and disparity."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...settings.topics.camera import RigSettings
+from ..rig.focal_length import focal_px
+
+
+@dataclass(frozen=True)
+class StereoCamera:
+    """Two identical, parallel pinhole cameras, the right one ``baseline_m`` along the left one's x.
+
+    The principal point is in pixel-corner coordinates: pixel (column u, row v) has its centre at
+    (u + 0.5, v + 0.5), so a ray through it is ((u + 0.5 - cx) / f, (v + 0.5 - cy) / f, 1).
+
+    This is the rig that truth and rectified images are of. Images were taken with eyes that may be turned in, by
+    ``toe_in_deg`` each, and rendered with the margins as extra pixels beyond each border.
+    """
+
+    width_px: int
+    height_px: int
+    focal_px: float
+    cx_px: float
+    cy_px: float
+    baseline_m: float
+    margin_x_px: int = 0
+    margin_y_px: int = 0
+    toe_in_deg: float = 0.0
+    #: Column of the right principal point less that of the left one; 0 in ours, not in Middlebury's.
+    doffs_px: float = 0.0
+
+    @classmethod
+    def from_settings(cls, rig: RigSettings) -> StereoCamera:
+        """From the ``rig`` settings; the sensor width spans the image width, pixels are square."""
+        return cls(rig.width_px, rig.height_px, focal_px(rig), rig.width_px / 2 + rig.principal_x_px,
+                   rig.height_px / 2 + rig.principal_y_px, rig.baseline_m,
+                   math.ceil(rig.overscan * rig.width_px), math.ceil(rig.overscan * rig.height_px),
+                   rig.toe_in_deg)
+
+    @property
+    def focal_baseline_px_m(self) -> float:
+        """f·B in px·m: disparity (px) times planar depth (m)."""
+        return self.focal_px * self.baseline_m
+
+    @property
+    def matrix(self) -> list[list[float]]:
+        """The 3x3 calibration matrix K, pixel-corner coordinates."""
+        return [[self.focal_px, 0.0, self.cx_px], [0.0, self.focal_px, self.cy_px], [0.0, 0.0, 1.0]]
+
+    @property
+    def rectified(self) -> StereoCamera:
+        """The parallel rig by itself, whatever the images were taken with."""
+        return replace(self, margin_x_px=0, margin_y_px=0, toe_in_deg=0.0)
+
+    @property
+    def rendered_px(self) -> tuple[int, int]:
+        """Columns and rows of the rendered images, margins included."""
+        return self.width_px + 2 * self.margin_x_px, self.height_px + 2 * self.margin_y_px
+
+    def eye_rotation(self, eye: str) -> np.ndarray:
+        """Rotation (3, 3) from the axes of the parallel rig into those of the eye, which is turned toward the other."""
+        angle = math.radians(self.toe_in_deg) * (1 if eye == "left" else -1)
+        return np.array([[math.cos(angle), 0.0, -math.sin(angle)], [0.0, 1.0, 0.0],
+                         [math.sin(angle), 0.0, math.cos(angle)]])
+
+    def cropped(self, image: np.ndarray) -> np.ndarray:
+        """A rendered image (H + margins, W + margins, …) without its margins."""
+        return image[self.margin_y_px:self.margin_y_px + self.height_px,
+                     self.margin_x_px:self.margin_x_px + self.width_px]
+
+    @property
+    def field_of_view_deg(self) -> tuple[float, float]:
+        """Horizontal and vertical field of view in degrees."""
+        return (math.degrees(2 * math.atan(self.width_px / 2 / self.focal_px)),
+                math.degrees(2 * math.atan(self.height_px / 2 / self.focal_px)))
+
+    def disparity(self, depth_m: np.ndarray) -> np.ndarray:
+        """Disparity in px of planar depths in metres; NaN stays NaN (sky)."""
+        return self.focal_baseline_px_m / np.asarray(depth_m, np.float64) - self.doffs_px
+
+    def depth(self, disparity_px: np.ndarray) -> np.ndarray:
+        """Planar depth in metres of disparities in px; NaN where there is none in front of the camera."""
+        reach = np.asarray(disparity_px, np.float64) + self.doffs_px
+        with np.errstate(over="ignore", invalid="ignore"):
+            ahead = reach > 0
+            return np.where(ahead, self.focal_baseline_px_m / np.where(ahead, reach, 1.0), np.nan)
+
+    def to_json(self) -> dict[str, Any]:
+        """The ``camera`` table of ``pair.json``."""
+        return {"width_px": self.width_px, "height_px": self.height_px, "focal_px": self.focal_px,
+                "cx_px": self.cx_px, "cy_px": self.cy_px, "baseline_m": self.baseline_m,
+                "K": self.matrix, "focal_baseline_px_m": self.focal_baseline_px_m,
+                "margin_x_px": self.margin_x_px, "margin_y_px": self.margin_y_px, "toe_in_deg": self.toe_in_deg,
+                **({"doffs_px": self.doffs_px} if self.doffs_px else {}), "pixel_centre": "(u + 0.5, v + 0.5)"}
+
+    def eyes_json(self) -> dict[str, Any]:
+        """The calibration of each eye: K, and R and t of x = R X + t from the left eye's rectified axes, metres."""
+        found = {}
+        for eye, along in (("left", 0.0), ("right", self.baseline_m)):
+            rotation = self.eye_rotation(eye)
+            found[eye] = {"K": self.matrix, "R": rotation.tolist(), "t": (-along * rotation[:, 0]).tolist()}
+        return found
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> StereoCamera:
+        """Back from the ``camera`` table of ``pair.json``."""
+        own = ("width_px", "height_px", "focal_px", "cx_px", "cy_px", "baseline_m")
+        return cls(**{key: data[key] for key in own},
+                   **{key: data.get(key, 0) for key in ("margin_x_px", "margin_y_px", "toe_in_deg", "doffs_px")})
