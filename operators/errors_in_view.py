@@ -12,6 +12,7 @@ from ..errors import IcyMoonError
 from ..nodes import measured_surface, painted_errors
 from ..nodes import scene as scenes
 from ..number_text import count_of
+from ..render.pairs.our_files import folder_of_pairs
 from ..render.pairs.pair_folder import read_pair
 from ..settings import change_announcements
 from ..settings.table import TOPICS
@@ -86,7 +87,7 @@ def _read_errors(scene: bpy.types.Scene, method: str) -> tuple[scenes.Built, lis
     if not files:
         raise IcyMoonError("This evaluation has no stored disparities; press Evaluate again.")
     built = built_as_set(scene)
-    pairs = dataset_folder(scene_properties.read_settings(scene.icymoon)) / "pairs"
+    pairs = folder_of_pairs(dataset_folder(scene_properties.read_settings(scene.icymoon)))
     return built, [read_depth_errors(pairs / name, files[name]) for name in shown_pairs(scene, built, sorted(files))]
 
 
@@ -107,7 +108,7 @@ def shown_pairs(scene: bpy.types.Scene, built: scenes.Built, names: Sequence[str
     cameras. Raises IcyMoonError, with the reason, if no pair shows it."""
     settings = scene_properties.read_settings(scene.icymoon)
     found = [pair.id for pair in planned_pairs(scene, settings) if pair.id in names]
-    folder = dataset_folder(settings) / "pairs"
+    folder = folder_of_pairs(dataset_folder(settings))
     return found or _find_same_views(built, int(settings.dataset.headings), [folder / name for name in names])
 
 

@@ -12,6 +12,7 @@ import bpy
 
 from .. import scene_properties
 from ..errors import IcyMoonError
+from ..render.pairs.our_files import folder_of_pair
 from ..render.pairs.pair_folder import is_complete
 from ..render.workers.process import Message
 from ..settings import change_announcements
@@ -78,7 +79,8 @@ def _start() -> jobs.Job | None:
         return None
     exposed = exposed_folder(scene)
     names = {path.parent.name for path in shown_paths() if path.parent.parent == exposed}
-    pairs = [folder for folder in (exposed.parent / "pairs" / name for name in sorted(names)) if is_complete(folder)]
+    folders = [folder_of_pair(exposed.parent, name) for name in sorted(names)]
+    pairs = [folder for folder in folders if is_complete(folder)]
     return start_developing(scene_properties.read_settings(scene.icymoon), pairs, _hear) if pairs else None
 
 

@@ -23,7 +23,7 @@ from ..errors import IcyMoonError, describe_error
 from ..files import explain_disk_errors
 from ..formats.png import encode_png
 from ..nodes.datablocks.fingerprint import TAG
-from ..render.pairs.our_files import checked_id
+from ..render.pairs.our_files import checked_id, folder_of_pair
 from ..scratch import make_scratch_folder
 from ..settings import change_announcements
 from ..settings.changes import response
@@ -97,7 +97,7 @@ def kept_pairs(scene: bpy.types.Scene) -> list[Path]:
     """Existing folders of the pairs that were rendered last from a scene; none if the scene's ids are invalid."""
     try:
         folder = dataset_folder(typed({"dataset": {"folder": scene.icymoon.dataset.folder}}))
-        found = [folder / "pairs" / checked_id(name, "The scene") for name in scene.icymoon.pairs.split()]
+        found = [folder_of_pair(folder, checked_id(name, "The scene")) for name in scene.icymoon.pairs.split()]
     except IcyMoonError:
         return []
     return [path for path in found if (path / "pair.json").is_file()]

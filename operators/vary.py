@@ -20,6 +20,7 @@ from ..nodes.datablocks.blend_file_paths import with_absolute_files
 from ..nodes.datablocks.fingerprint import added_objects
 from ..number_text import count_of
 from ..render.cost.estimate import duration_text, estimate_roughly, size_text
+from ..render.pairs.our_files import folder_of_pairs
 from ..render.plans.frozen_plan import PLAN as FROZEN
 from ..render.plans.frozen_plan import read_frozen_plan
 from ..render.plans.plan_file import parse_plan
@@ -329,7 +330,7 @@ def _fault_of_folder(folder: Path, text: str) -> str:
     A folder fits if it has neither plan nor pairs, if it is the plan's own data set, or if the plan contains all of its
     pairs.
     """
-    path, pairs = folder / PLAN, folder / "pairs"
+    path, pairs = folder / PLAN, folder_of_pairs(folder)
     try:
         there = read_text(path) if os.path.lexists(path) else ""
         if there == text:

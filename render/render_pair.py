@@ -45,7 +45,7 @@ from .lander_record import lander_json
 from .object_labels import lend_labels
 from .pair_record import light_json, pair_json
 from .pairs.baked_file import LIGHT
-from .pairs.our_files import check_no_link
+from .pairs.our_files import check_no_link, folder_of_pairs
 from .pairs.pair_folder import TOED_TRUTH_FILE, TRUTH_FILE
 from .pairs.publish import check_place, discard, publish
 from .pairs.workspace_cells import WORKSPACE_FILE, workspace_extent
@@ -105,7 +105,7 @@ def _turn_head(built: Built, turn_deg: float) -> AbstractContextManager[None]:
 
 def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) -> None:
     """Raise IcyMoonError if the folder cannot be made or its disk has no room for what is left of the pairs."""
-    check_no_link(dataset / "pairs", dataset / CLAIMS_FOLDER, dataset / LIGHT)
+    check_no_link(folder_of_pairs(dataset), dataset / CLAIMS_FOLDER, dataset / LIGHT)
     with explain_disk_errors("write to", dataset):
         dataset.mkdir(parents=True, exist_ok=True)
         probe = part_of(dataset / ".icymoon")

@@ -35,6 +35,17 @@ _OUR_NAMES = {
 _PAIR_FILES = re.compile(rf"pair\.json({_UNFINISHED})?|(left|right)(_truth|_toed_truth)?\.exr|workspace\.npy")
 
 
+
+def folder_of_pairs(dataset: Path) -> Path:
+    """The folder of a data set that contains its pairs."""
+    return dataset / "pairs"
+
+
+def folder_of_pair(dataset: Path, name: str) -> Path:
+    """The folder of a pair, by its name: its id."""
+    return folder_of_pairs(dataset) / name
+
+
 def checked_id(value: Any, where: object) -> str:
     """A pair's id as it was read from ``where``. Raises IcyMoonError if it is none."""
     if not isinstance(value, str) or not _ID.fullmatch(value):

@@ -44,7 +44,7 @@ from ...physics.light.scene_sun import SceneSun, from_json
 from ...settings.changes import response
 from ...settings.description import Restorer, merged, restored
 from ...settings.topics.scene import Settings
-from .our_files import check_no_link, checked_id, is_regular
+from .our_files import check_no_link, checked_id, folder_of_pairs, is_regular
 from .statements import find_contradictions
 from .workspace_cells import WORKSPACE_FILE
 
@@ -283,7 +283,7 @@ def find_pair_folders(path: Path) -> list[Path]:
 
 
 def _pairs_in(path: Path) -> Iterator[Path]:
-    root = path / "pairs" if (path / "pairs").is_dir() else path
+    root = folder_of_pairs(path) if folder_of_pairs(path).is_dir() else path
     return (p.parent for p in root.glob("*/pair.json") if not p.parent.name.endswith(PART))
 
 

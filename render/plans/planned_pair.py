@@ -9,6 +9,7 @@ from ...physics.camera.blur import blur_identity
 from ...physics.random_numbers.seeds import stream
 from ...settings.description import digest, merged
 from ...settings.topics.scene import Settings
+from ..pairs.our_files import folder_of_pair
 from .indirect import choose_indirect
 
 
@@ -23,7 +24,7 @@ class PlannedPair:
 
     def folder(self, dataset: Path) -> Path:
         """Where the finished pair lies."""
-        return dataset / "pairs" / self.id
+        return folder_of_pair(dataset, self.id)
 
     @property
     def render_seed(self) -> int:

@@ -23,7 +23,7 @@ from ...file_shapes import NUMBER, PROCESS, SHA256, TEXT, Maybe, find_fault
 from ...files import PART, explain_disk_errors, find_leftover_parts, part_of, read_text, write_text
 from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT
-from ..pairs.our_files import is_claim, remove_ours
+from ..pairs.our_files import folder_of_pairs, is_claim, remove_ours
 from ..pairs.publish import resolve_leftover
 
 CLAIMS_FOLDER = "claims"
@@ -45,7 +45,7 @@ class Claims:
     def __init__(self, dataset: Path) -> None:
         self._dataset = dataset
         self._folder = dataset / CLAIMS_FOLDER
-        self._pairs = dataset / "pairs"
+        self._pairs = folder_of_pairs(dataset)
         self._key = secrets.token_hex(8)  # what tells a claim of ours from another's that got the same name later
         self._held: dict[str, Path] = {}
         self._ahead: dict[Path, tuple[float, float]] = {}  # claims with times ahead: the time, and when it was seen

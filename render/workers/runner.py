@@ -19,7 +19,7 @@ from ...file_shapes import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
 from ...number_text import count_of
 from ...settings.description import Restorer
 from ..pairs.baked_file import LIGHT
-from ..pairs.our_files import check_no_link
+from ..pairs.our_files import check_no_link, folder_of_pair, folder_of_pairs
 from ..pairs.pair_folder import has_response, is_complete, read_complete, update_response
 from ..plans.order import MOST_SCENES, cut_into_jobs
 from ..plans.planned_pair import PlannedPair
@@ -107,7 +107,7 @@ class Runner:
         Raises IcyMoonError when nothing can be rendered (the disk is full, Blender does not start). However
         it ends, no worker is left.
         """
-        check_no_link(self._dataset / "pairs", self._dataset / CLAIMS_FOLDER, self._dataset / LIGHT)
+        check_no_link(folder_of_pairs(self._dataset), self._dataset / CLAIMS_FOLDER, self._dataset / LIGHT)
         try:
             self._claims.clean_up()
             restore = Restorer()
@@ -222,7 +222,7 @@ class Runner:
             self._report_progress()
         elif kind == "pair":
             worker.current, worker.fraction = "", 0.0
-            if is_complete(self._dataset / "pairs" / message["id"]):
+            if is_complete(folder_of_pair(self._dataset, message["id"])):
                 self._report_pair(message["id"], message)
             else:
                 self._count_crash(message["id"], "its files are not those that were written")
@@ -247,7 +247,7 @@ class Runner:
         why = worker.error or f"Blender ended (status {worker.process.returncode}): {worker.process.cause}"
         if self._silent_ends >= MOST_CRASHES:
             raise IcyMoonError(f"The worker does not start: {why}.")
-        if worker.current and not is_complete(self._dataset / "pairs" / worker.current):
+        if worker.current and not is_complete(folder_of_pair(self._dataset, worker.current)):
             self._count_crash(worker.current, why)
         left = self._find_left(worker)
         if left and not worker.done:
@@ -256,8 +256,8 @@ class Runner:
     def _report_pair(self, name: str, message: dict[str, Any] | None = None) -> None:
         if name not in self._complete:
             self._complete.add(name)
-            facts = {"folder": str(self._dataset / "pairs" / name), "rendered": False, **(message or {}), "id": name,
-                     "done": len(self._complete), "total": len(self._pairs)}
+            facts = {"folder": str(folder_of_pair(self._dataset, name)), "rendered": False, **(message or {}),
+                     "id": name, "done": len(self._complete), "total": len(self._pairs)}
             facts.pop("type", None)
             self._send("pair", **facts)
             self._report_progress()
@@ -268,7 +268,7 @@ class Runner:
             self._set_aside(name, f"Pair {name} failed {MOST_CRASHES} times: {why.rstrip('.')}.")
 
     def _set_aside(self, name: str, why: str) -> None:
-        if not is_complete(self._dataset / "pairs" / name):
+        if not is_complete(folder_of_pair(self._dataset, name)):
             self.failed[name] = why
             self._send("error", message=why, pair=name)
 

@@ -21,7 +21,7 @@ from typing import Any
 from ...file_shapes import NUMBER, SHA256, TEXT, Each, Maybe, find_fault
 from ..pairs import baked_file
 from ..pairs.baked_file import LIGHT, BakedLight
-from ..pairs.our_files import is_of_a_pair, is_unfinished
+from ..pairs.our_files import folder_of_pairs, is_of_a_pair, is_unfinished
 from ..pairs.pair_folder import has_its_files, read_whole
 from .claims import Claims
 
@@ -75,7 +75,7 @@ class VouchedLight:
     """The baked light that the complete pairs of a data set state; each pair is read once."""
 
     def __init__(self, dataset: Path) -> None:
-        self._pairs = dataset / "pairs"
+        self._pairs = folder_of_pairs(dataset)
         self._by_pair: dict[str, list[LightFile]] = {}
 
     def by_pair(self) -> Mapping[str, list[LightFile]]:

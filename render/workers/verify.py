@@ -23,6 +23,8 @@ from ..pairs.baked_file import LIGHT, parse_name
 from ..pairs.our_files import (
     INPUTS,
     find_reason_to_keep,
+    folder_of_pair,
+    folder_of_pairs,
     is_claim,
     is_of_a_pair,
     is_regular,
@@ -89,7 +91,7 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
     problems: list[Problem] = []
     complete, shared = 0, _Shared(VouchedLight(dataset))
     for name, pair in planned.items():
-        folder = dataset / "pairs" / name
+        folder = folder_of_pair(dataset, name)
         try:
             found = list(_check_pair(folder, pair, name in working, shared))
         except Exception as error:  # such as a disk that cannot be read: nothing to take away
@@ -112,9 +114,9 @@ def verify(dataset: Path, remove_broken: bool = False) -> Findings:
 
 def _find_unplanned(dataset: Path) -> dict[str, None]:
     """The ids of the pairs of a data set that has no plan, as of ``icymoon render``."""
-    found = dict.fromkeys(path.name for path in sorted((dataset / "pairs").glob("*"))
+    found = dict.fromkeys(path.name for path in sorted(folder_of_pairs(dataset).glob("*"))
                           if is_of_a_pair(path) and not is_unfinished(path))
-    renamed = [path.parent for path in list_put_there(dataset / "pairs", "*/pair.json")]
+    renamed = [path.parent for path in list_put_there(folder_of_pairs(dataset), "*/pair.json")]
     if not found and renamed:
         raise IcyMoonError(_describe_misplaced(renamed[0]) or f"{renamed[0]} has the name of no pair, and its "
                            "pair.json cannot be read; remove it.")
@@ -352,7 +354,7 @@ def _is_edited(folder: Path) -> bool:
 def _check_other_files(dataset: Path, planned: Collection[str], working: set[str], has_plan: bool
                        ) -> Iterator[Problem]:
     """What lies in the folder and belongs to no planned pair."""
-    for path in list_put_there(dataset / "pairs"):
+    for path in list_put_there(folder_of_pairs(dataset)):
         name = path.name.split(".")[0]
         if is_unfinished(path):
             aside = _may_be_intact(path) and not is_complete(path.with_name(name))
