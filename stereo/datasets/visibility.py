@@ -75,8 +75,8 @@ def _check_numbers(path: Path, mask: np.ndarray) -> None:
 
 
 def find_better_reading(seen: np.ndarray, disparity: np.ndarray) -> str | None:
-    """The way in which a Boolean mask (H, W) of what the right eye sees fits the left eye's true ``disparity`` (H, W),
-    px, far better than as it stands, in words; None if there is none, or if nearly nothing is hidden."""
+    """Another reading, in words, of ``seen``, a Boolean mask (H, W) of the pixels that the right eye sees, if it fits
+    the left eye's true ``disparity`` (H, W), px, far better. None if no reading does or nearly nothing is hidden."""
     known = np.isfinite(disparity)
     hidden = known & ~(is_in_frame(matching_column(disparity))
                        & ~find_hidden(disparity, seen_from_other(disparity, "left"), "left"))
@@ -128,8 +128,8 @@ def check_right_truth(file: MapFile, values: np.ndarray, camera: StereoCamera, d
 
 
 def find_fault_of_right(values: np.ndarray, kind: str, camera: StereoCamera, disparity: np.ndarray) -> Fault | None:
-    """What is wrong with a map ``values`` (H, W) of the right eye, of ``kind`` "depth" (m) or "disparity" (px), by the
-    left eye's true ``disparity`` (H, W); all NaN where unknown. None if they fit. "right_eye" is the left eye's map."""
+    """The fault of the right eye's map ``values`` (H, W), of ``kind`` "depth" (m) or "disparity" (px), by the left
+    eye's true ``disparity`` (H, W); both NaN where unknown. None if they fit. "right_eye" is the left eye's map."""
     # Mirrored, the right eye is the left one of a pair. Its places are where the left eye's truth puts them.
     right = right_camera(camera)
     mirrored = replace(right, cx_px=camera.width_px - right.cx_px)
