@@ -119,7 +119,7 @@ def grid_points(position_m: np.ndarray, grid: Grid, fewest: int = FEWEST_POINTS)
 
 
 def mean_by_cell(position_m: np.ndarray, values: np.ndarray, grid: Grid) -> np.ndarray:
-    """The mean of values (n,) over the points of each cell, NaN where there is none."""
+    """The mean of values (n,) over the points of each cell, NaN in cells without points."""
     cell = grid.cells_of(position_m)
     inside = cell >= 0
     count = np.bincount(cell[inside], minlength=grid.rows * grid.columns)

@@ -16,9 +16,9 @@ import numpy as np
 from ...number_text import count_of
 from ..matchers.methods import describe_method
 
-#: Fewest pairs without a fault of which a limit is stated.
+#: Fewest pairs without a fault from which a limit is computed.
 FEWEST_SOUND = 6
-#: The 95 % quantile of Student's t by its degrees of freedom; between two the lower number, which is the safer one.
+#: The 95 % quantile of Student's t by its degrees of freedom; between two entries the lower one counts, to be safe.
 _T95 = {5: 2.015, 6: 1.943, 7: 1.895, 8: 1.860, 9: 1.833, 10: 1.812, 15: 1.753, 20: 1.725, 30: 1.697}
 #: Angles this near are the same, degrees.
 _SAME_DEG = 1e-4

@@ -1,4 +1,4 @@
-"""The rules of safe sites and of landing pads: shipped ones with their sources, or those of a user's TOML file."""
+"""The rules of safe sites and of landing pads: shipped with their sources, or from a user's TOML file."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ _SHARES = ("lit_share", "known_share", "lit_level")
 
 
 def read_rules(path: Path | None = None) -> Rules:
-    """The shipped rules, with those of a TOML file in their place. Raises IcyMoonError for one that is none."""
+    """The shipped rules, overridden by the rules of a TOML file. Raises IcyMoonError if the file is invalid."""
     tables = _read(SHIPPED)
     if path is not None:
         for part, own in _read(path).items():

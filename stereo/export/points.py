@@ -69,7 +69,7 @@ def missing_points(prepared: Prepared, disparity: np.ndarray) -> int:
 
 
 def _step(disparity: np.ndarray) -> int:
-    """One in so many rows and columns is taken."""
+    """Step in rows and columns between the pixels that become points."""
     return max(1, int(np.ceil(np.sqrt(disparity.size / MOST_POINTS))))
 
 
