@@ -2,7 +2,7 @@
 
 ``<out>/<pair>/`` gets ``scene_left.xml`` and ``scene_right.xml``, which Mitsuba loads as they are, PLY files of the
 evaluated ground and rocks, ``planet.pfm`` if a planet gives light, ``mitsuba_hapke.py`` for Hapke's law,
-``mitsuba_hapke.py`` and ``mitsuba_snow.py`` for the law of snow, and ``export.json``, which lists the scene's omissions.
+``mitsuba_hapke.py`` and ``mitsuba_snow.py`` for the law of snow, and ``export.json``, which lists the omissions.
 
 The scene is built again from the settings of the pair, in Blender, to get its meshes. It has the camera of each eye,
 the Sun's disc as a far disk, the planet's light as a map of the sky, and Lambert's law, Hapke's or the law of snow. The

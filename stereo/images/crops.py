@@ -1,4 +1,4 @@
-"""Images and truth of a window of a pair, of which no more is decoded than the window needs."""
+"""Images and truth of a window of a pair; no more of the pair is decoded than the window needs."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Crops:
                                     channels.rate, settings.sensor)
         fixed = Settings(settings | {"sensor": settings.sensor | {"auto_exposure": False, "exposure_s": seconds}})
         images = develop(pair, _columns(light["left"], crop.columns), _columns(light["right"], crop.columns), fixed)
-        # What the right eye sees is needed only where no rays have found what is hidden from it.
+        # The right eye's truth is needed only if no rays have found the points that are hidden from it.
         right = left if left.hidden is not None else read_truth(pair.truth("right"), "right", _unneeded(False), rows)
         found = _truth_of(pair.camera, left, right)
         return _shown(images) | {key: value[:, crop.columns] for key, value in found.items()}
@@ -69,7 +69,7 @@ class Crops:
 
 def read_whole(pair: Pair, settings: Settings) -> dict[str, np.ndarray]:
     """The developed images ``left`` and ``right``, 0 to 1, (H, W) or (H, W, 3), and the truth of the left one, (H, W):
-    ``disparity_px``, 0 where there is none, ``valid`` and ``occluded``."""
+    ``disparity_px``, 0 where unknown, ``valid`` and ``occluded``."""
     light, views = zip(*(read_eye(pair, eye, _unneeded(_needs_groups(settings))) for eye in EYES), strict=True)
     return _shown(develop(pair, light[0], light[1], settings)) | _truth_of(pair.camera, *views)
 
@@ -91,7 +91,7 @@ def _is_local(pair: Pair, settings: Settings) -> bool:
     """Whether each pixel of the images depends on the light that falls on it alone, but for the exposure."""
     camera, sensor = pair.camera, settings.sensor
     if any(pair.image(eye) != pair.truth(eye) for eye in EYES):
-        return False  # blurred: truth is in files of its own
+        return False  # blurred: the truth is in separate files
     plain: bool = (camera.rendered_px == (camera.width_px, camera.height_px) and sensor.colour == "MONO"
                    and sensor.band_weights == "EQUAL" and not any(_spread(sensor, key) for key in _SPREADS))
     return plain and all(lens_of(camera, settings.rig, eye) is None for eye in EYES)
@@ -102,7 +102,7 @@ def _spread(sensor: SensorSettings, key: str) -> bool:
 
 
 def _needs_groups(settings: Settings) -> bool:
-    """Whether the light of the Sun and that of the planet are weighed."""
+    """Whether the light of the Sun or of the planet is scaled."""
     return settings.light.sun_scale != 1 or settings.light.planet_scale != 1
 
 

@@ -9,8 +9,8 @@ from ...physics.camera.hidden_points import find_hidden, is_in_frame, matching_c
 from ...render.pairs.pair_folder import StereoCamera
 from .exr import Truth
 
-#: How it is known what the other eye sees: from rays that were cast when the pair was rendered, from the depths of both
-#: eyes, or from a mask that the data set contains.
+#: Sources of the points that the other eye sees: rays that were cast when the pair was rendered, the depths of both
+#: eyes, or a mask that the data set contains.
 RAYS, ESTIMATED, MASK = "RAYS", "ESTIMATED", "MASK"
 
 

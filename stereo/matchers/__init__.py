@@ -51,7 +51,7 @@ def find_plugins() -> Found:
 
 
 def matcher_names() -> tuple[str, ...]:
-    """All matchers of this Python: ours, then those of plug-ins."""
+    """All matchers of this Python: Icy Moon's, then the plug-ins'."""
     return (*MATCHERS, *find_plugins().usable)
 
 
@@ -61,15 +61,15 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
     """Compute the disparity of the left image with the matcher ``method``.
 
     ``left`` and ``right`` are rectified images of one size, uint8 or uint16 (scaled to 8 bits), grey (H, W) or colour
-    (H, W, 3 or 4; BGR as OpenCV reads it; matchers without colour get the mean of the bands, or what their option
-    ``grey`` states). Values of ``options`` may be text. A program of the user's may ask for the ``camera``. ``ranges``
-    are the search ranges that options may name, see ``search_range.known_ranges``. Returns
+    (H, W, 3 or 4; BGR as OpenCV reads it; matchers without colour get the mean of the bands, or the grey that their
+    option ``grey`` names). Values of ``options`` may be text. A program of the user's may ask for the ``camera``.
+    ``ranges`` are the search ranges that options may name, see ``search_range.known_ranges``. Returns
 
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
     * valid, bool (H, W);
-    * info: ``method``, the complete ``options``, the ``COSTS`` of the matching alone (including those of a program it
+    * info: ``method``, the complete ``options``, the ``COSTS`` of the matching alone (including a program that it
       started; None where unknown), ``arrays``, ``counts`` and ``facts``, see ``Result``, and ``search``, the range that
-      was searched, or None if the matcher has none.
+      was searched, or None if the matcher has no range.
 
     A disparity of zero or less gives no depth and is invalid. Raises IcyMoonError for an unknown matcher or option,
     for images that cannot be used or are too small for the options, and if a matcher that measures everywhere gave no
@@ -188,7 +188,7 @@ def _luminance(image: np.ndarray) -> np.ndarray:
     return image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
 
 
-#: What the option ``grey`` of a matcher may be.
+#: The functions to grey, by the value of a matcher's option ``grey``.
 GREYS = {"mean": to_grey, "luminance": _luminance}
 
 

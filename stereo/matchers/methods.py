@@ -1,4 +1,4 @@
-"""Which methods to run, from what the user writes: ``bm,sgbm:window=7``, ``--option bm.window=21`` and
+"""Which methods to run, from the user's texts: ``bm,sgbm:window=7``, ``--option bm.window=21`` and
 ``--method mynet=resident:command=PROGRAM``."""
 
 from __future__ import annotations

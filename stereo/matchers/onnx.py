@@ -62,8 +62,8 @@ _MOST_PIXELS = 2**25
 #: Pixels of an input that may take ``timeout_s``; the test's input has fewer.
 _TIMED_PIXELS = 100_000
 _TEST_SHAPE = 256, 384
-#: How far the median of the disparities of the test may be from its shift, and a ratio of two of them from that of the
-#: shifts, as a share.
+#: Tolerances of the test: between the median disparity and the shift, px; and between the ratio of two disparities and
+#: the ratio of their shifts, as a share.
 _TOLERANCE_PX, _TOLERANCE_SHARE = 1.0, 0.15
 _MEAN, _SPREAD = (np.array(values, np.float32) for values in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)))
 _TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(uint8)": np.uint8,
@@ -108,7 +108,7 @@ def check(options: dict[str, Any]) -> None:
 
 
 def load(options: dict[str, Any]) -> None:
-    """Read the file, and check what the network finds, so that a run with the same options need not."""
+    """Read the file and test the network, so that a run with the same options need not."""
     _load(options)
 
 
@@ -132,8 +132,7 @@ def _load(options: dict[str, Any]) -> _Network:
 
 @lru_cache(maxsize=4)
 def _load_once(items: tuple[tuple[str, Any], ...], changed: tuple[int, int]) -> _Network | str:
-    """The network of complete options, tested, or what is wrong with it; ``changed`` identifies the version of its
-    file."""
+    """The tested network of complete options, or its fault in words; ``changed`` identifies the version of its file."""
     options = dict(items)
     try:
         network = _open(options)
@@ -351,6 +350,6 @@ def _run_bounded(session: Any, given: dict[str, np.ndarray], most_s: float) -> l
 
 
 def _first_line(error: Exception) -> str:
-    """What ONNX Runtime reports, without its numbers of errors and the names of its own functions."""
+    """First line of ONNX Runtime's message, without the prefix, number and name of the error."""
     line = (str(error).splitlines() or [type(error).__name__])[0]
     return re.sub(r"^\[ONNXRuntimeError\] : \d+ : [A-Z_]+ : ", "", line)[:300].rstrip(". ")
