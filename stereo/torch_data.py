@@ -28,7 +28,7 @@ class Dataset:
     """The pairs of data sets, developed when they are asked for. ``DataLoader`` works on it.
 
     A sample is a dictionary of tensors: ``left`` and ``right``, float32 (1, H, W), or (3, H, W) of a colour sensor,
-    from 0 to 1; ``disparity_px``, float32 (H, W), 0 where there is none; ``valid``, bool (H, W), where there is one;
+    from 0 to 1; ``disparity_px``, float32 (H, W), 0 where unknown; ``valid``, bool (H, W), where it is known;
     ``occluded``, bool (H, W), where the right eye does not see its point; ``focal_px``, ``baseline_m``, ``cx_px`` and
     ``cy_px`` of the crop; and the texts ``pair`` and ``scene``.
 

@@ -75,7 +75,7 @@ def picture_matrix(typical: Sequence[tuple[Condition, int]], table: Table, facts
     """A row for each condition: its ``name``, the name of its typical ``pair``, the ``left`` image and, for each
     method, the ``row`` and its ``error`` picture, empty if the method failed.
 
-    ``facts`` are by pair, ``rows`` those of all pairs and methods.
+    ``facts`` are by pair; ``rows`` are of all pairs and methods.
     """
     count, found = len(table.methods), []
     for condition, number in typical:

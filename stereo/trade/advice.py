@@ -40,7 +40,7 @@ def _subjects(methods: Sequence[str]) -> list[tuple[str, Sequence[str]]]:
 
 def decision_advice(rows: Sequence[Row], methods: Sequence[str], references: Sequence[Row]) -> list[str]:
     """The cheapest variant that leads to the same decisions as the reference, for all matchers and for each, in words;
-    or why there is none."""
+    or the reason why no variant is named."""
     alike = [row for row in rows if row["group"] not in SHAPES and row["cpu_s"] is not None and row["decisions"]]
     if not alike:
         return [reference["undecided"] for reference in references[:1] if reference["undecided"]]
@@ -68,8 +68,8 @@ def _decision_line(name: str, methods: Sequence[str], rows: Sequence[Row], scene
 def pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list[Row]]:
     """For the radiance and for each matcher, the variants that no other beats in both cost and error, cheapest first.
 
-    Without variants of another shape, whose errors are relative to another image; for matchers also without those of
-    other light.
+    Without variants of another shape, whose errors are relative to another image; for matchers also without variants
+    with other light.
     """
     alike = [row for row in rows if row["group"] not in SHAPES]
     shown = [row for row in rows if _shows(row)]
