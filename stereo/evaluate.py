@@ -155,7 +155,7 @@ class Evaluation:
             self._note(name, facts)
 
     def _key(self, method: Method, pair: str, content: str) -> str:
-        """What a row depends on, as a digest."""
+        """Digest of everything that a row depends on."""
         inputs = self._setups[method.label]
         if method.name == PREDICTION:
             with suppress(IcyMoonError):  # which is reported where it is read
@@ -172,7 +172,7 @@ class Evaluation:
         return row if row and row["status"] != "failed" and files_exist(row, self._run.out, pair) else None
 
     def take(self, events: Iterator[tuple[Task, dict[str, Any]]]) -> None:
-        """Write what comes of the tasks to the log, and tell the progress."""
+        """Write the results of the tasks to the log, and report the progress."""
         done: dict[str, set[str]] = {}
         for task, event in events:
             kind = event["type"]
@@ -194,7 +194,7 @@ class Evaluation:
                 self._give_up(task, event["message"], done.pop(task.pair, set()))
 
     def _give_up(self, task: Task, message: str, done: set[str]) -> None:
-        """Record as failed what a process that ended has left undone."""
+        """Record the undone methods of a process that ended as failed."""
         why = f"{self.sources[task.pair].folder}: {message}."
         self._tell_failure(why, pair=task.pair)
         for method in self._run.methods:

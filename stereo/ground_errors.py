@@ -44,7 +44,7 @@ class DepthErrors:
 
 @dataclass(frozen=True)
 class OnVertices:
-    """What n vertices show: arrays (n,)."""
+    """The depth errors at n vertices: arrays (n,)."""
 
     error_m: np.ndarray  # float32, NaN unless MEASURED
     kind: np.ndarray  # uint8: MEASURED, MISSING, COARSE or UNSEEN

@@ -32,7 +32,7 @@ from .sources import Source
 
 @dataclass(frozen=True)
 class Run:
-    """What an evaluation does with every pair."""
+    """The work of an evaluation on every pair."""
 
     methods: Sequence[Method]
     out: Path

@@ -39,7 +39,7 @@ _LOOK_S = 0.25
 
 
 def choose_count(jobs: int | None, methods: Sequence[Method], pairs: int) -> int:
-    """How many processes measure: ``jobs``, or as many as there are processors and pairs for; 1 is this one."""
+    """Number of processes that measure: ``jobs``, or as many as there are processors and pairs for; 1 is this one."""
     if jobs is not None:
         return jobs
     if not all(method.name in _SINGLE for method in methods):

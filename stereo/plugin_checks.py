@@ -1,4 +1,4 @@
-"""Trying a plug-in of the evaluator on a pair whose truth is known, as a list of checks with what to correct."""
+"""Trying a plug-in of the evaluator on a pair whose truth is known, as a list of checks with their corrections."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def _find_foreign(path: Path) -> list[FoundPair]:
 
 
 def check_response(sources: Sequence[Source], response: Mapping[str, Mapping[str, Any]]) -> None:
-    """Raise IcyMoonError if the camera response is to be changed of pairs that are no renders."""
+    """Raise IcyMoonError if ``response`` would change the camera response of pairs that were not rendered."""
     foreign = next((source for source in sources if isinstance(source, ForeignPair)), None)
     if response and foreign:
         raise IcyMoonError(f"{foreign.folder} was not rendered here, and its images have the response of their camera; "

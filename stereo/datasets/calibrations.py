@@ -24,7 +24,7 @@ _OURS = {"camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIV
          "saturation_radiance": Maybe(NUMBER, null=True)}
 #: First number of Sintel's files of cameras.
 _SINTEL_MARK = 202021.25
-#: How far focal lengths of rectified images may be apart, relative: digits that were left out.
+#: Largest relative difference of the focal lengths of rectified images, for digits that were left out.
 _SAME_FOCAL = 1e-3
 _AGAIN = "download its camera data again"
 

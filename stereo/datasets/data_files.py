@@ -143,7 +143,7 @@ def read_map(file: MapFile) -> np.ndarray:
 
 
 def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[np.ndarray, float]:
-    """The numbers of a file, and how many steps per px or metre are usual in its format."""
+    """The numbers of a file, and the usual steps per px or metre of its format."""
     start = foreign.part(0, min(32, foreign.size))
     if start.startswith(EXR):
         return _parse_exr(foreign, file), 1.0

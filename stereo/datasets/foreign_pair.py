@@ -206,7 +206,7 @@ class ForeignPair:
                 "not search."] if offset > _LEVEL_PX else []
 
     def _missing(self, occlusion_known: bool) -> str:
-        """What cannot be had of such a pair, in a sentence or two."""
+        """The errors and metrics that such a pair cannot have, in a sentence or two."""
         hidden = "" if occlusion_known else " Without a mask of hidden pixels there are no metrics of visible pixels."
         return (f"{self.layout}: without normals, labels and the direction of the Sun there are no errors by slope, "
                 f"light and material.{hidden}")
@@ -231,7 +231,7 @@ class UnusablePair:
 
 
 def find_pair(name: str, folder: Path, left: Path, find: Callable[[], ForeignPair]) -> ForeignPair | UnusablePair:
-    """What ``find`` gives, or an unusable pair where it raises IcyMoonError: that costs no other pair."""
+    """The result of ``find``, or an unusable pair if it raises IcyMoonError, so that no other pair is lost."""
     try:
         return find()
     except IcyMoonError as error:

@@ -75,7 +75,7 @@ def check_truth(pair: Files, values: np.ndarray, camera: StereoCamera, places: P
 
 
 def _describe_other_causes(fault: Fault, kind: str) -> str:
-    """What else than the numbers of a map may be wrong, as the rest of a sentence."""
+    """Faults other than the map's numbers that would look the same, as the rest of a sentence."""
     if fault.kind != "factor":
         return ""
     if kind == "disparity":

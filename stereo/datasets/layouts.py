@@ -243,6 +243,6 @@ def _our_export(root: Path, folder: Path) -> ForeignPair:
 
 
 FINDERS: tuple[Finder, ...] = (plain_pairs, _kitti, _kitti_2012, _middlebury, _sceneflow, _sintel, _our_exports, _guiss)
-#: What may be given, in words.
+#: The supported layouts, in words.
 KNOWN = (f"KITTI 2012 or 2015, Middlebury, ETH3D, SceneFlow, Sintel, GUISS, our own exports, or a folder with "
          f"{PLAIN_FILE}")

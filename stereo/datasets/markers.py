@@ -11,9 +11,9 @@ import numpy as np
 from ...render.pairs.pair_folder import StereoCamera
 from ..measure.fit_check import Places, are_seen
 
-#: Share of an image that a plateau has at least, and by what factor it is nearer or farther than all other points.
+#: Least share of an image that a plateau has, and the factor by which it is nearer or farther than all other points.
 _SHARE, _BEYOND = 0.002, 1.5
-#: How many of the least steps between other values a plateau is away from them: the levels of a coarse map are one.
+#: Distance of a plateau from all other values, in least steps between them: the levels of a coarse map are one apart.
 _STEPS = 2
 
 

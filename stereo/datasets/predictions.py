@@ -95,7 +95,7 @@ def _find_misnamed(root: Path, pair: str) -> Path | None:
 
 
 def read_prediction(method: Method, prepared: Prepared) -> tuple[np.ndarray, dict[str, Any]]:
-    """The disparity, float32 (H, W), NaN where invalid, and what ``match`` reports beside it.
+    """The disparity, float32 (H, W), NaN where invalid, and an ``info`` like the one of ``match``.
 
     Raises IcyMoonError if the file is missing, damaged, or of another size, sign or unit.
     """

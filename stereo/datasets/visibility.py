@@ -18,11 +18,11 @@ from ..measure.fit_check import KINDS, TURNS, Fault, find_fault, known_places, s
 from .data_files import MapFile, read_image, read_map
 from .input_faults import WRONG_SIGN, round_factor
 
-#: Numbers of a mask: hidden or unknown, known to the left eye only, seen by both. So many pixels may have others, as
-#: edges of a mask that was made smaller do.
+#: Numbers of a mask: hidden or unknown, known to the left eye only, seen by both. The share of pixels that may have
+#: others, as edges of a mask that was made smaller do.
 _SEEN, _NUMBERS, _OTHERS = 255, (0, 128, 255), 0.1
-#: Hidden pixels from which on a mask is held against the truth; the overlap, intersection over union, of theirs with
-#: those by the truth at which another reading of the mask fits; and by what factor it is better than the stated one.
+#: Hidden pixels from which on a mask is held against the truth; the least overlap, intersection over union, of the
+#: hidden pixels by another reading of the mask and by the truth; and the least ratio to the stated reading's overlap.
 _FEWEST, _FITS, _BETTER = 150, 0.5, 2.0
 
 

@@ -1,4 +1,4 @@
-"""What lies under a round footprint that is centred on each cell of an elevation model: slope, roughness, shares.
+"""The ground under a round footprint that is centred on each cell of an elevation model: slope, roughness, shares.
 
 Planes are fitted by least squares to the known cells of the footprint, from sums that are filters of the heights. The
 coordinates of these sums are centred on the footprint, so nothing cancels.

@@ -1,4 +1,4 @@
-"""The colours of a stored map of decisions, and how many cells are of each kind. Needs only numpy."""
+"""The colours of a stored map of decisions, and the number of cells of each kind. Needs only numpy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap
 
 #: Height error, metres, from which on its colour is the full one, as in the pictures of the report.
 FULL_M = 0.05
-#: For each kind of cell of a map: what a legend states.
+#: Text of the legend for each kind of cell of a map.
 KINDS = {SUITABILITY: {"safe": "Safe by the rules, green", "unsafe": "Not safe, orange",
                        "unknown": "Not known or out of reach, grey"},
          SLOPE: {"gentle": "As gentle as the rules ask, green", "steep": "Up to twice as steep, yellow",

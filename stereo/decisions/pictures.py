@@ -24,7 +24,7 @@ _SIDE_PX = 360
 
 
 def outcome_picture(workspace: Workspace, found: Maps) -> np.ndarray:
-    """BGR picture of what became of each cell, with the chosen site as a ring."""
+    """BGR picture of the outcome of each cell, with the chosen site as a ring."""
     safe, taken = workspace.truth.sites.safe, found.sites.safe
     code = np.select([~(workspace.reached & workspace.truth.dem.known), safe & taken, taken, safe], [4, 0, 1, 2], 3)
     return _enlarged(_coloured(code, OUTCOMES))

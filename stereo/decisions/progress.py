@@ -89,7 +89,7 @@ def _progress(states: Sequence[_Entry], label: str, rows: Sequence[_Entry], dug:
 
 
 def _step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: Path, disc_m: float) -> dict[str, Any]:
-    """What a method finds of a state; ``missing`` is why there is no volume, or empty."""
+    """A method's result for a state; ``missing`` is the reason for a missing volume, or empty."""
     true = _left_region_m3(state) - _left_region_m3(first)
     step: dict[str, Any] = {"pair": state["pair"], "state": int(state["excavation"]["state"]), "true_m3": true,
                             **dict.fromkeys(("found_m3", "error_m3", "depth_m", "known", "level_m", "noticed",

@@ -23,7 +23,7 @@ class SiteRules:
     disc_m: float
     slope_deg: float  # at most, of the plane under the disc
     roughness_m: float  # at most, root mean square distance from that plane
-    rock_height_m: float  # what stands higher above the ground around it is a rock
+    rock_height_m: float  # anything that stands higher above the ground around it is a rock
     rock_distance_m: float  # at least, to a rock
     joint_margin_deg: float  # at least, of every joint of the arm to its limit
     lit_share: float  # at least, of the disc
@@ -33,7 +33,7 @@ class SiteRules:
 
 @dataclass(frozen=True)
 class PadRules:
-    """Limits of a place for a landing pad; what stands higher than ``rock_height_m`` under it is too high."""
+    """Limits of a place for a landing pad; anything under it that stands higher than ``rock_height_m`` is too high."""
 
     disc_m: float
     slope_deg: float

@@ -105,7 +105,7 @@ def _drawn(surface: np.ndarray, points: np.ndarray, motion: np.ndarray, steps: i
 
 
 def _misfit(surface: np.ndarray, points: np.ndarray) -> float:
-    """How far points (m, 3) are from a surface (n, 6), RMS in m, none of them counting as farther than ``_FAR_M``."""
+    """Distance of points (m, 3) from a surface (n, 6), RMS in m, each limited to ``_FAR_M``."""
     place = surface[:, :3]
     squared = (place ** 2).sum(axis=1) - 2 * points @ place.T
     apart = squared.min(axis=1) + (points ** 2).sum(axis=1)
@@ -151,7 +151,7 @@ def _facing(cloud: np.ndarray, eye: np.ndarray) -> np.ndarray:
 
 
 def pose_error(found: np.ndarray, true: np.ndarray, point: np.ndarray) -> tuple[float, float]:
-    """How far a pose (4, 4) is from the true one: mm at a ``point`` (3,) of the link's frame, and degrees."""
+    """Error of a pose (4, 4) against the true one: mm at a ``point`` (3,) of the link's frame, and degrees."""
     apart = (found[:3, :3] - true[:3, :3]) @ point + found[:3, 3] - true[:3, 3]
     apart_by = found[:3, :3] @ true[:3, :3].T
     # By the sine too: the arc cosine of a small angle loses half its digits.

@@ -17,9 +17,9 @@ from .rules import SiteRules
 #: The rules in the order in which they are asked: the code of a cell is 1 + the number of the first that fails it.
 RULES = ("known", "slope", "roughness", "rocks", "reach", "light")
 SAFE = 0
-#: How wide the ground around a rock is that its height is measured from, as a multiple of the footprint.
+#: Width of the ground around a rock from which its height is measured, as a multiple of the footprint.
 _AROUND = 2.0
-#: How often the ground around is fitted anew without what stands above it.
+#: Number of fits of the ground around, each without the rocks of the last one.
 _FITS = 3
 
 

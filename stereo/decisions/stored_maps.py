@@ -30,7 +30,7 @@ _MOST_BYTES, _MOST_CELLS = 2**27, 4096
 
 @dataclass(frozen=True)
 class StoredMap:
-    """A map (rows, columns) of one matcher on one pair, NaN where it is not known, and what goes with it."""
+    """A map (rows, columns) of one matcher on one pair, NaN where unknown, and the facts about it."""
 
     kind: str  # SUITABILITY, SLOPE or HEIGHT_ERROR
     grid: Grid

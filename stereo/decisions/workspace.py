@@ -37,7 +37,7 @@ _WHOLE = 1 - 1e-6
 
 @dataclass(frozen=True)
 class Maps:
-    """What one depth gives: its elevation model, the suitability of each cell, and where a pad would stand."""
+    """The maps from one depth: elevation model, suitability of each cell, and places where a pad would stand."""
 
     dem: Dem
     sites: Sites
@@ -104,9 +104,9 @@ def toward_sun(pair: Pair) -> np.ndarray:
 
 
 def decide(workspace: Workspace, depth_m: np.ndarray, pose: np.ndarray | None = None) -> Maps:
-    """What a planar depth (H, W) of the left image, NaN where it is not known, gives.
+    """The maps from a planar depth (H, W) of the left image, NaN where unknown.
 
-    ``pose`` is where the lander takes its left eye to be; by default where it is.
+    ``pose`` is the pose that the lander assumes for its left eye; by default the true one.
     """
     pose = workspace.pose if pose is None else pose
     ground = np.where(_is_apart_from_lander(workspace.prepared), depth_m, np.nan)
@@ -139,7 +139,7 @@ def compare(workspace: Workspace, found: Maps) -> dict[str, Any]:
 
 def compare_beside_lander(workspace: Workspace, found: Maps, depth_m: np.ndarray,
                           pose: np.ndarray) -> dict[str, float | None]:
-    """What leaving out the pixels beside the lander does, over the seen cells in reach.
+    """The effect of leaving out the pixels beside the lander, over the seen cells in reach.
 
     ``beside_rmse_m``: of the heights that these pixels alone give; ``beside_bias_m`` of them; ``beside_share``: the
     share of the cells that only they know.

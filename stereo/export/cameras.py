@@ -74,7 +74,7 @@ def _centre_matrix(camera: StereoCamera) -> np.ndarray:
 
 @dataclass
 class _Model:
-    """What a scene's model of COLMAP contains so far."""
+    """The content of a scene's COLMAP model so far."""
 
     cameras: dict[str, int] = field(default_factory=dict)  # lines without their number
     images: list[str] = field(default_factory=list)
@@ -152,7 +152,7 @@ def _chosen(pair: Loaded) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _points(pair: Loaded, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """World coordinates (n, 3) in metres of what left pixels see."""
+    """World coordinates (n, 3) in metres of the points that left pixels see."""
     pose = pose_of(pair, "left")
     eye = rays_of(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]
     return eye @ pose[:3, :3].T + pose[:3, 3]

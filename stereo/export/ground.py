@@ -66,7 +66,7 @@ def write_grounds(planned: Sequence[PlannedPair], out: Path, kind: str, blender:
 
 
 def read_geometry(folder: Path) -> dict[str, Any]:
-    """What ``geometry.json`` of an exported ground contains; ``left_out`` are sentences on what its files lack.
+    """The content of an exported ground's ``geometry.json``; ``left_out`` are sentences on the omissions of its files.
 
     Raises IcyMoonError if it is missing or damaged.
     """

@@ -17,7 +17,7 @@ _WHOLE = {"disparity": "pfm and middlebury", "depth": "pfm and raw"}
 
 @dataclass(frozen=True)
 class Loss:
-    """What a format cannot hold of a map: the ``share`` of its known pixels, and ``why``, the end of a sentence."""
+    """The part of a map that a format cannot hold: ``share`` of its known pixels, and ``why``, a sentence's end."""
 
     what: str  # "disparity" or "depth"
     share: float

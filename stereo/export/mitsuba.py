@@ -99,7 +99,7 @@ def write_scene(pair: Pair, folder: Path) -> Path:
 
 
 def find_left_out(settings: Settings, shown: Sky) -> list[str]:
-    """What of a pair the export lacks, a sentence each."""
+    """The parts of a pair that the export lacks, a sentence each."""
     found = []
     for topic in ("surface", "rock_surface") if settings.rocks.own_surface else ("surface",):
         surface = settings[topic]

@@ -62,7 +62,7 @@ def measured_points(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
 
 
 def missing_points(prepared: Prepared, disparity: np.ndarray) -> int:
-    """How many of the pixels that ``measured_points`` takes have a true depth and no measured one."""
+    """Number of pixels in ``measured_points``' grid that have a true depth and no measured one."""
     step = _step(disparity)
     depth, truth = (values[::step, ::step] for values in (depth_of(prepared, disparity), prepared.truth))
     return int((np.isfinite(truth) & ~np.isfinite(depth)).sum())

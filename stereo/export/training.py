@@ -65,7 +65,7 @@ class _Index:
 
 
 def describe_row(pair: Loaded, split: str) -> dict[str, Any]:
-    """What an index contains of a pair, by the names of its columns."""
+    """A pair's row of an index, by the names of its columns."""
     depth, camera = pair.depth["left"], pair.pair.camera
     known = np.isfinite(depth)
     occluded = known & ~pair.visible["left"]

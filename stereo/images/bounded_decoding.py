@@ -176,7 +176,7 @@ def _ask(request: dict[str, Any], content: bytes, most_bytes: int) -> np.ndarray
 
 @atexit.register
 def stop_decoder() -> None:
-    """End the other process, if there is one."""
+    """End the other process, if it runs."""
     while _running:
         decoder = _running.pop()
         if decoder.owner == os.getpid():

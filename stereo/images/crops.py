@@ -19,7 +19,7 @@ from .exr import NORMAL_PASSES, OBJECT_PASSES, Light, Truth, read_light, read_tr
 from .lens import lens_of
 from .views import read_eye
 
-#: What makes a pixel depend on others, or on its place on the sensor.
+#: Settings that make a pixel depend on others, or on its place on the sensor.
 _SPREADS = ("psf_sigma_px", "veiling_glare", "deposit_share", "prnu", "dsnu_e", "blooming", "radiation_flux_cm2_s")
 
 
@@ -31,7 +31,7 @@ class Crop(NamedTuple):
 
 
 class Crops:
-    """Reads windows of pairs, and keeps what auto exposure has metered on the whole of a pair: one number each."""
+    """Reads windows of pairs, and keeps the level that auto exposure metered on each whole pair: one number."""
 
     def __init__(self) -> None:
         self._levels: dict[tuple[str, float, float, float], float] = {}
@@ -57,7 +57,7 @@ class Crops:
         return _shown(images) | {key: value[:, crop.columns] for key, value in found.items()}
 
     def _level(self, pair: Pair, settings: Settings) -> float:
-        """What auto exposure meters on the whole left image."""
+        """The level that auto exposure meters on the whole left image."""
         scales = float(settings.light.sun_scale), float(settings.light.planet_scale)
         key = (pair.id, *scales, float(settings.sensor.auto_percentile))
         if key not in self._levels:

@@ -97,7 +97,7 @@ def read_truth(path: Path, eye: str | None = None, without: Collection[str] = ()
 
 
 def read_depth(path: Path, eye: str | None = None) -> Truth:
-    """Read depth, and what tells the planet from the ground, alone; the other arrays may be None."""
+    """Read only the depth and the labels that tell the planet from the ground; the other arrays may be None."""
     passes = [f"{layer}.{name}" for layer in (BEAUTY, TRUTH) for name in ("Depth", *_SEMANTIC)]
     return _truth(_read_channels(path, eye, passes), path)
 

@@ -1,4 +1,4 @@
-"""What an EXR file of others states about its channels, before a library decodes them."""
+"""The header of an EXR file of others, with its channels, before a library decodes them."""
 
 from __future__ import annotations
 

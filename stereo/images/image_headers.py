@@ -22,7 +22,7 @@ MOST_PIXELS = 2**26
 MOST_IMAGE_MEMORY = 4 * MOST_PIXELS + 2**12
 #: Most bytes of a JPEG or WebP file: four for each of these pixels, and twice the least that a file may need.
 _MOST_PACKED = 2**28
-#: What a file may have beyond its pixels: profiles, notes, a film behind a photograph.
+#: Most bytes of a file beyond its pixels: profiles, notes, a film behind a photograph.
 _MOST_BESIDE = 2**26
 PNG, JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
 #: Parts of a PNG that its pixels depend on. Others may unfold when they are read, as profiles and texts do.

@@ -51,6 +51,6 @@ def overlap(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def inside_px(point: np.ndarray, around: np.ndarray) -> float:
-    """How far a point (2,) is inside the convex hull of points (n, 2), in pixels; negative outside."""
+    """Distance in pixels of a point (2,) inside the convex hull of points (n, 2) from its border; negative outside."""
     hull = cv2.convexHull(np.asarray(around, np.float32))
     return float(cv2.pointPolygonTest(hull, (float(point[0]), float(point[1])), True))

@@ -34,8 +34,8 @@ from .options import resolve
 from .result import Result
 from .search_range import SearchRange
 
-#: What readers see instead of the names of matchers that need no setting up, in tables, charts, sentences and in the
-#: window, and what some of them need beside the evaluator.
+#: Titles that readers see instead of the names of matchers, in tables, charts, sentences and in the window; and the
+#: needs of some matchers beside the evaluator.
 TITLES = {"bm": "StereoBM", "sgbm": "SGBM", "sgbm_wls": "SGBM with WLS", "jplv": "JPLV", "igev": "IGEV-Stereo",
           "dsmnet": "DSMNet"}
 NEEDS = {"igev": "PyTorch and a checkpoint", "dsmnet": "PyTorch and a checkpoint"}
@@ -147,7 +147,7 @@ def release_of(method: str) -> str:
 
 
 def _import_matcher(method: str) -> Any:
-    """The module of a matcher, or what stands for it."""
+    """The module of a matcher, or the loaded plug-in in its place. Raises IcyMoonError for an unknown one."""
     if method in MATCHERS:
         return importlib.import_module(f".{method}", __name__)
     found = find_plugins()

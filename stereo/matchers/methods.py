@@ -12,7 +12,7 @@ from ...settings.topics.trust_boundary import OWN, OWN_NAME, listed, split_optio
 from ...suggestions import nearest
 from . import TITLES, check_options, matcher_names, option_keys
 
-#: What separates the options in a label.
+#: Separator of the options in a label.
 _NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
 
 

@@ -169,7 +169,7 @@ def _open(options: dict[str, Any]) -> _Network:
 
 
 def _find_inputs(path: Path, declared: Sequence[Any]) -> tuple[_Input, ...]:
-    """What each input of a network takes. Raises IcyMoonError if this is not plain."""
+    """The images that each input of a network takes. Raises IcyMoonError if this is not plain."""
     if len(declared) not in (1, 2, 4):
         raise IcyMoonError(f"{path} has {len(declared)} inputs ({_describe(declared)}); a stereo network has 1, 2 or "
                            "4: export it with these.")
@@ -231,7 +231,7 @@ def _run(network: _Network, left: np.ndarray, right: np.ndarray,
 
 
 def _tensor(each: _Input, images: dict[str, np.ndarray], options: dict[str, Any]) -> np.ndarray:
-    """What an input gets: a batch of one image or of both."""
+    """The values of an input: a batch of one image or of both."""
     found = []
     for eye in each.eyes:
         image = images[eye]
@@ -275,7 +275,7 @@ def _plane(network: _Network, outputs: Sequence[np.ndarray], options: dict[str, 
 
 
 def _test(network: _Network, options: dict[str, Any]) -> None:
-    """Raise IcyMoonError unless the network finds how far a texture is shifted."""
+    """Raise IcyMoonError unless the network finds the shift of a texture."""
     found = _find_shifts(network, options)
     if _are_shifts(found):
         return

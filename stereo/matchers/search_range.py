@@ -20,7 +20,7 @@ from ...physics.rig.focal_length import focal_px
 from ...settings.topics.scene import Settings
 
 AUTO, TRUTH = "auto", "truth"
-#: What ``SearchRange.source`` may be: whoever reads a result learns from it where the range comes from.
+#: Values of ``SearchRange.source``, which tells the reader of a result where the range comes from.
 RIG, SETTINGS, STATED, FIXED = "rig", "settings", "stated", "fixed"
 #: Numbers of disparities are multiples of this, as OpenCV's matchers ask for.
 STEP_PX = 16

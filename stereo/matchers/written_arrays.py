@@ -1,4 +1,4 @@
-"""What programs of the user write for us: arrays of a known size, and their last words."""
+"""The output of the user's programs: arrays of a known size, and their last words."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def _starts(sizes: np.ndarray) -> np.ndarray:
 
 
 def _ranked(ascending: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of sorted depths, the distinct ones, the place of each depth among them, and how often each occurs."""
+    """Of sorted depths: the distinct ones, the place of each depth among them, and the number of times each occurs."""
     first = np.ones(ascending.size, bool)
     np.not_equal(ascending[1:], ascending[:-1], out=first[1:])
     return ascending[first], np.cumsum(first) - 1, np.diff(np.append(np.flatnonzero(first), ascending.size))

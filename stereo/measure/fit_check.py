@@ -76,7 +76,7 @@ KINDS = {
     "swapped": "with the images exchanged"}
 
 
-#: What turns a map in the readings of these kinds.
+#: Functions that turn a map in the readings of these kinds.
 TURNS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "upside_down": lambda a: a[::-1], "mirrored": lambda a: a[:, ::-1], "turned": lambda a: a[::-1, ::-1]}
 
@@ -147,9 +147,9 @@ def find_misfit(values: np.ndarray, kind: str, camera: StereoCamera, places: Pla
 
 
 def _find_scale(stated: np.ndarray, found: np.ndarray) -> float | None:
-    """What places that are found have of the stated disparity, if that is clearly not 1, in most parts of the image.
+    """Ratio of the found disparities to the stated ones, if it clearly differs from 1 in most parts of the image.
 
-    Each part gives the ratio that its places gather at, which those that are found wrongly hardly move.
+    Each part gives the ratio at which its places gather, which wrongly found places hardly move.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.log(found / stated)

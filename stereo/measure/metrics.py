@@ -47,7 +47,7 @@ class Errors:
         self.distance = np.abs(self.error)
 
     def within(self, step: float) -> int:
-        """How many absolute errors are no larger than a step."""
+        """Number of absolute errors that are no larger than a step."""
         return int(np.count_nonzero(self.distance <= step))
 
     def smallest(self, *ranks: int) -> np.ndarray:
@@ -55,7 +55,7 @@ class Errors:
         return np.asarray(np.partition(self.distance, ranks)[list(ranks)])
 
     def wrong_by_kitti(self) -> int:
-        """How many are above 3 px and above 5 % of the true disparity."""
+        """Number of errors above 3 px and above 5 % of the true disparity."""
         return int(np.count_nonzero((self.distance > 3) & (self.distance > 0.05 * self.true)))
 
 

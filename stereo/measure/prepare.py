@@ -56,7 +56,7 @@ class Loaded:
 
 
 class MeasuredPair(Protocol):
-    """What measuring needs to know about a pair, rendered here or not."""
+    """The facts about a pair that measuring needs, rendered here or not."""
 
     @property
     def name(self) -> str:
@@ -76,7 +76,7 @@ class MeasuredPair(Protocol):
 
 @dataclass(frozen=True)
 class Prepared:
-    """What all methods need of a pair."""
+    """The data of a pair that all methods need."""
 
     pair: MeasuredPair
     left: np.ndarray  # uint8 (H, W), or (H, W, 3) in the order B, G, R, for the matchers

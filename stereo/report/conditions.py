@@ -1,4 +1,4 @@
-"""The conditions of pairs in words: the values of what varies, or the presets that they are from."""
+"""The conditions of pairs in words: the values of the varied settings, or the presets that the pairs are from."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ def _scene_title(settings: Parts) -> str:
 
 @cache
 def _presets() -> list[tuple[str, dict[tuple[str, str], Any]]]:
-    """What each shipped preset states about the images, without how to render them."""
+    """The settings of each shipped preset that concern the images, without the settings of rendering."""
     return [(name, {(topic, key): value for topic, values in load_preset(name).items() for key, value in values.items()
                     if TOPICS[topic][key].effect not in ("run", "sampling")}) for name in preset_names()]
 

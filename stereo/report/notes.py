@@ -1,4 +1,4 @@
-"""What a reader must know before the numbers: sentences on pairs whose results say less than they seem to."""
+"""Notes for the reader before the numbers: sentences on pairs whose results say less than they seem to."""
 
 from __future__ import annotations
 

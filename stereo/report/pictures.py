@@ -17,7 +17,7 @@ from .table_columns import RANKING
 
 #: Most pictures in the file: as JPEG of 480 px they take about 25 kB each, and a third more as text.
 MOST_PICTURES = 300
-#: How many of them the matrix of conditions and methods may take.
+#: Most pictures in the matrix of conditions and methods.
 MOST_IN_MATRIX = 96
 _WIDTH_PX = 480
 _JPEG_QUALITY = 80

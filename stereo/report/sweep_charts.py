@@ -54,7 +54,7 @@ _DPI = 120
 
 @dataclass(frozen=True)
 class SweepCharts:
-    """The charts of a setting that varies, as SVG in rows, and what a reader must know of them, in sentences.
+    """The charts of a setting that varies, as SVG in rows, and notes on them in sentences.
 
     ``of_all`` is true if every chart shows all methods, which then need a legend.
     """

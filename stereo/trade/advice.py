@@ -1,4 +1,4 @@
-"""The advice of a trade in words: which variant to use, what each group saves, and what noise leaves open."""
+"""The advice of a trade in words: the variant to use, the saving of each group, and the doubt from noise."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
 
 
 def _error(row: Row, label: str) -> tuple[float, float]:
-    """The error of a variant on a front, and how much noise may change it; a tenth for the radiance."""
+    """The error of a variant on a front, and the change of it that noise may make; a tenth for the radiance."""
     if label == "radiance":
         return row["rmse"], 0.1 * row["rmse"]
     return row["loss"][label]["epe_px"], row["loss_doubt"][label]["epe_px"] or 0.0
@@ -215,7 +215,7 @@ def _cheaper(row: Row, other: Row, margin: float) -> bool:
 
 
 def _light_text(row: Row, scene: Row | None) -> str:
-    """How much a variant changes the mean radiance of the reference or, if given, of the scene as described."""
+    """Change of the mean radiance by a variant, against the reference or, if given, the scene as described."""
     change = (1 + row["bias"]) / (1 + scene["bias"]) - 1 if scene is not None else row["bias"]
     doubt = math.hypot(row["bias_doubt"] or 0.0, (scene["bias_doubt"] or 0.0) if scene is not None else 0.0)
     return f"the light by {100 * change:+.2f} ± {100 * doubt:.2f} %"

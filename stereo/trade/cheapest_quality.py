@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 #: Most renders of a candidate; more renders reduce the doubt that noise leaves.
 _MOST_RENDERS = 4
-#: How much leaving out a part may change the mean radiance, and the share of the time that it must save.
+#: Largest change of the mean radiance by leaving out a part, and the share of the time that this must save.
 _LIGHT, _SAVED = 0.01, 0.05
 #: Settings of the quality that are always written, even if the choice does not change them.
 _ALWAYS_WRITTEN = ("samples", "denoiser", "noise_threshold")
