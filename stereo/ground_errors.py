@@ -21,7 +21,7 @@ from .images.exr import read_depth
 from .images.lens import lens_of
 from .measure.metrics import usable
 
-#: Kinds of vertices by the knowledge about them, the best first.
+#: Kinds of vertices, the best known first.
 MEASURED, MISSING, COARSE, UNSEEN = range(4)
 #: Edges longer than this in the image, px, are too coarse: many pixels between their ends would not show their errors.
 #: It is twice the longest edge that a ground has by default where it is level.

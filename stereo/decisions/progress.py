@@ -153,7 +153,7 @@ def _same_cells(one: _Entry, other: _Entry) -> bool:
 
 
 def _left_region_m3(state: _Entry) -> float:
-    """Decrease of the volume under the surface of the region, m3; less than the volume dug, as spoil slides in."""
+    """Decrease of the volume under the surface of the region, m3; not the volume dug, as spoil slides in."""
     return -float(state["excavation"]["change_in_region_by_state_m3"][-1])
 
 

@@ -210,7 +210,7 @@ def _lit_pixels(workspace: Workspace) -> np.ndarray:
 
 
 def _read_heights(pair: Pair, stated: Mapping[str, Any]) -> np.ndarray:
-    """The true heights, float64 (2, rows, columns). Raises IcyMoonError if Icy Moon did not write the file."""
+    """The true heights, float64 (2, rows, columns). Raises IcyMoonError if the file is missing, damaged or another."""
     return read_cells(pair.folder / stated["file"], (2, *stated["shape"]), "render the pair again")
 
 

@@ -314,8 +314,8 @@ def _write_coco(each: Each, out: Path) -> None:
 def coco_annotations(instance: np.ndarray | None, semantic: np.ndarray | None) -> Iterator[dict[str, Any]]:
     """COCO annotations of the THINGS in an image: mask as run lengths, box (x, y, width, height) and area.
 
-    ``instance`` and ``semantic`` are labels (H, W). Most pixels of the instance have its category. ``label`` is the
-    number of the instance, the same in both eyes and in every pair of the scene.
+    ``instance`` and ``semantic`` are labels (H, W). The category is the most frequent one among the instance's pixels.
+    ``label`` is the number of the instance, the same in both eyes and in every pair of the scene.
     """
     if instance is None or semantic is None:
         return

@@ -188,7 +188,7 @@ def _luminance(image: np.ndarray) -> np.ndarray:
     return image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
 
 
-#: The functions to grey, by the value of a matcher's option ``grey``.
+#: Functions that turn an image grey, by the value of a matcher's option ``grey``.
 GREYS = {"mean": to_grey, "luminance": _luminance}
 
 

@@ -1,7 +1,7 @@
 """The disparities that a matcher searches: from the rig, from the truth, or as the user states.
 
 ``disparities=auto`` (or ``max_disparity=auto``) searches the disparities that the rig can see; ``disparities=truth``
-searches the ones that the pair contains, which no camera knows, as the report says. Numbers state the range.
+searches the ones that the pair contains, which no camera knows and the report states. Numbers are searched as stated.
 """
 
 from __future__ import annotations
