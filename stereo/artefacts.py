@@ -50,7 +50,7 @@ def _is_ours(path: Path, begin: bytes) -> bool:
 
 
 def remove_leftovers(out: Path) -> None:
-    """Remove what an evaluation that was killed left half-written in its folder."""
+    """Remove the half-written files that a killed evaluation left in its folder."""
     for folder in (out, out / "curves", *(out / "pairs").glob("*/")):
         remove_leftover_parts(folder)
 

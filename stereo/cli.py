@@ -191,7 +191,7 @@ def _run_metrics(parsed: argparse.Namespace) -> int:
 
 
 def _add_method_options(command: argparse.ArgumentParser) -> None:
-    """Add what states methods and the camera response they get, beside ``--methods``."""
+    """Add the options beside ``--methods`` that state methods and their camera response."""
     command.add_argument("--method", action="append", default=[], metavar="NAME=MATCHER:KEY=VALUE",
                          help="one more method, with a name of yours, as in mynet=resident:command=PROGRAM; may repeat")
     command.add_argument("--option", action="append", default=[], metavar="METHOD.KEY=VALUE",
@@ -320,7 +320,7 @@ def run_decide(parsed: argparse.Namespace) -> int:
 
 
 def _print_decisions(report: dict[str, Any]) -> None:
-    """Print the summary of ``decide`` as a table, with what limits it."""
+    """Print the summary of ``decide`` as a table, with its limits."""
     from .decisions.report import DEM, OTHERS, SITES, format_cell
     from .matchers.methods import describe_method
 

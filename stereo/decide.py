@@ -1,6 +1,6 @@
-"""Decisions on a lander's workspace from the depths that matchers find, measured against those of the truth.
+"""Decisions on a lander's workspace from the depths that matchers find, measured against decisions from the truth.
 
-As ``evaluate``: a row is one method on one pair, is written to the disk at once, and is not computed again.
+As in ``evaluate``, a row is one method on one pair, is written to the disk at once, and is not computed again.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ _FACTS = {"pair": FILE_NAME, "scene": TEXT, "site": TEXT, "key": TEXT, "images":
 
 @dataclass(frozen=True)
 class PoseError:
-    """Standard deviations, per axis, of what the lander knows of its camera's place and direction."""
+    """Standard deviations, per axis, of the errors in the lander's knowledge of its camera's place and direction."""
 
     mm: float = 0.0
     deg: float = 0.0
@@ -182,7 +182,7 @@ def _failed(pair: str, label: str, key: str, message: str) -> Row:
 
 
 def _excavation(workspace: Workspace) -> dict[str, Any] | None:
-    """What ``pair.json`` contains of an excavation, as far as progress needs it, and advice; None if there is none."""
+    """The part of the excavation in ``pair.json`` that progress needs, and advice; None without an excavation."""
     stated = workspace.pair.data.get("excavation")
     wanted = ("state", "states", "change_in_region_by_state_m3", "region_m")
     return {**{key: stated[key] for key in wanted}, "advice": [

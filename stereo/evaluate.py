@@ -44,8 +44,8 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
              response: Mapping[str, Mapping[str, Any]] | None = None, on_event: Event = lambda event: None,
              seed: int = 0, guiss: bool = False, points: bool = False, predictions: Sequence[str] = (),
              jobs: int | None = None, dask: str | None = None) -> dict[str, Any]:
-    """Evaluate pairs and all pairs of data sets, also of those in other layouts (see ``datasets.layouts``); return
-    what is in ``report.json``.
+    """Evaluate pairs and all pairs of data sets, including data sets in other layouts (see ``datasets.layouts``);
+    return the content of ``report.json``.
 
     ``predictions`` are further methods, see ``datasets.predictions``. ``jobs`` is the number of processes that measure,
     by default one for each processor; see ``measuring_processes.choose_count``. ``dask`` is the address of a Dask
@@ -60,9 +60,9 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     are kept and not computed again.
 
     ``on_event`` gets {"type": "progress", "fraction", "done", "total", "message"}, {"type": "error", "message"} for
-    each failure, {"type": "warning", "message"} for each suspect pair and for what makes the images of a pair doubtful,
-    and {"type": "note", "message"} for facts about pairs of other data sets. Raises IcyMoonError if there is no pair,
-    if ``out`` cannot be written, or if it contains files that no evaluation wrote.
+    each failure, {"type": "warning", "message"} for each suspect pair and each doubt about the images of a pair, and
+    {"type": "note", "message"} for facts about pairs of other data sets. Raises IcyMoonError if there is no pair, if
+    ``out`` cannot be written, or if it contains files that no evaluation wrote.
 
     The report is {"format", "version", "summary", "comparisons", "verdicts", "rare_failures", "rows", "pairs",
     "failed", "suspect", "notes", "briefs", "doubts", "plug_ins", "provenance"}; ``notes`` are sentences on what limits
@@ -70,15 +70,15 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     doubtful; an undefined value is null. ``rows`` and ``pairs`` are read from the disk on demand.
 
     * ``summary``: one entry per method, see ``summary.summarise_method``, with its ``ranks``; ``comparisons``: see
-      ``summary.compare_methods``; ``verdicts``: what they can show, in words;
-      ``rare_failures``: those of its sentences that say which methods fail heavily in few pairs.
+      ``summary.compare_methods``; ``verdicts``: their conclusions, in words;
+      ``rare_failures``: the verdicts that say which methods fail heavily in few pairs.
     * ``plug_ins``: the metrics of plug-ins, see ``plug_in.PluginMetric.to_json``; the numbers are in ``plug_ins`` of
       each row, and their means with intervals in ``plug_ins`` of each entry of the summary.
     * ``rows``: ``pair``, ``method``, ``status`` ("ok", "suspect" or "failed"), the numbers of ``row.NUMBERS``,
       ``error_curve``, ``sparsification``, ``strata``, ``histograms``, ``common`` (numbers beside each other method,
       see ``common_pixels``, and that method's key), the complete ``options``, ``search`` (the disparities that were
       searched, where they come from, and the share of true ones outside), ``counts`` of pixels per outcome and
-      ``facts`` on what it ran on (if the method has them), ``error`` (why it failed), ``key`` (a hash of everything
+      ``facts`` on the method's run (if it states them), ``error`` (why it failed), ``key`` (a hash of everything
       that the row depends on) and ``images``: paths, relative to ``out``, of the pictures ``depth`` and ``error``, of
       ``disparity`` (npz, with the other arrays of the method) and, if asked for, of ``points`` (ply).
     * ``pairs``: the facts of each usable pair, and its ``images`` ``left``, ``right`` and ``true_depth``.
@@ -122,7 +122,7 @@ def _measure_here(evaluation: Evaluation, run: Run) -> Iterator[tuple[Task, dict
 
 
 class Evaluation:
-    """What an evaluation has to do, the log that it writes, and what has failed so far."""
+    """The tasks of an evaluation, the log that it writes, and the failures so far."""
 
     def __init__(self, sources: Sequence[Source], run: Run, on_event: Event) -> None:
         self.sources = {source.name: source for source in sources}
@@ -138,7 +138,7 @@ class Evaluation:
         self._setups = {method.label: method_inputs(method) for method in run.methods}
 
     def tasks(self) -> Iterator[Task]:
-        """The pairs of which something is missing, see ``sort_by_ground``; what is told of the others is told here."""
+        """The pairs with a missing result, ordered by ``sort_by_ground``; reports the progress of the complete ones."""
         for source in sort_by_ground([*self.sources.values()]):
             name = source.name
             content = digest_of([*source.content(), self._run.response, MEASURE, version()])
@@ -155,7 +155,7 @@ class Evaluation:
             self._note(name, facts)
 
     def _key(self, method: Method, pair: str, content: str) -> str:
-        """What a row depends on, as a digest."""
+        """Digest of everything that a row depends on."""
         inputs = self._setups[method.label]
         if method.name == PREDICTION:
             with suppress(IcyMoonError):  # which is reported where it is read
@@ -172,7 +172,7 @@ class Evaluation:
         return row if row and row["status"] != "failed" and files_exist(row, self._run.out, pair) else None
 
     def take(self, events: Iterator[tuple[Task, dict[str, Any]]]) -> None:
-        """Write what comes of the tasks to the log, and tell the progress."""
+        """Write the results of the tasks to the log, and report the progress."""
         done: dict[str, set[str]] = {}
         for task, event in events:
             kind = event["type"]
@@ -194,7 +194,7 @@ class Evaluation:
                 self._give_up(task, event["message"], done.pop(task.pair, set()))
 
     def _give_up(self, task: Task, message: str, done: set[str]) -> None:
-        """Record as failed what a process that ended has left undone."""
+        """Record the undone methods of a process that ended as failed."""
         why = f"{self.sources[task.pair].folder}: {message}."
         self._tell_failure(why, pair=task.pair)
         for method in self._run.methods:
@@ -226,7 +226,7 @@ class Evaluation:
         self._tell({"type": "error", "message": message})
 
     def sorted_messages(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-        """What failed and what is suspect, in the order of the pairs."""
+        """The messages about failed and about suspect pairs, in the order of the pairs."""
         place = {name: k for k, name in enumerate(self.sources)}
         failed, suspect = (sorted(found, key=lambda entry: place[entry["pair"]])
                            for found in (self._failed, self._suspect))
@@ -248,7 +248,7 @@ def method_inputs(method: Method) -> list[Any]:
     if method.name != PREDICTION:
         files |= {text: read_checksum(Path(text)) for text in files_of(method.name, options) if os.path.isfile(text)}
     versions = packages.find_versions()
-    release = release_of(method.name)  # a plug-in's; what is ours has the version of Icy Moon
+    release = release_of(method.name)  # a plug-in's; our methods have the version of Icy Moon
     return [method.name, options, files, {name: versions[name] for name in ("numpy", "cv2", "torch")},
             *([release] if release else [])]
 

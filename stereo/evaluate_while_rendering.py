@@ -1,7 +1,7 @@
 """Measuring the pairs of a data set while others are being rendered.
 
-Rows are written as ``evaluate`` writes them, which then finds them and measures only what is left. No report is
-written, and nothing is told: what fails here fails in ``evaluate`` again, and is told there.
+Rows are written as ``evaluate`` writes them; it finds them later and measures only the rest. No report is written and
+no failure is shown: a pair that fails here fails in ``evaluate`` again, which shows it.
 """
 
 from __future__ import annotations

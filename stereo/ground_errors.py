@@ -22,9 +22,9 @@ from .images.exr import read_depth
 from .images.lens import lens_of
 from .measure.metrics import usable
 
-#: What is known about a vertex, the best first.
+#: Kinds of vertices, the best known first.
 MEASURED, MISSING, COARSE, UNSEEN = range(4)
-#: Edges longer than this in the image are too coarse: between their ends, many pixels would show no error of their own.
+#: Edges longer than this in the image, px, are too coarse: many pixels between their ends would not show their errors.
 #: It is twice the longest edge that a ground has by default where it is level.
 COARSE_PX = 16.0
 #: Disparity, px, and share of the depth by which a vertex may lie beyond the true depths around it and still be seen:
@@ -45,7 +45,7 @@ class DepthErrors:
 
 @dataclass(frozen=True)
 class OnVertices:
-    """What n vertices show: arrays (n,)."""
+    """The depth errors at n vertices: arrays (n,)."""
 
     error_m: np.ndarray  # float32, NaN unless MEASURED
     kind: np.ndarray  # uint8: MEASURED, MISSING, COARSE or UNSEEN
@@ -103,7 +103,7 @@ def on_vertices(errors: DepthErrors, position_m: np.ndarray, edges: np.ndarray) 
 
 
 def _sample(errors: DepthErrors, place: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """For places in the image and the depths of what is there: the error, and whether the camera sees it."""
+    """For vertices at places in the image, with their depths: the error there, and whether the camera sees them."""
     height, width = errors.truth.shape
     corner = np.floor(place - 0.5).astype(np.intp)
     rows, columns = (np.stack([np.clip(corner[:, axis] + step[1 - axis], 0, size - 1) for step in _AROUND], axis=1)
@@ -142,5 +142,5 @@ def count_pixels(errors: DepthErrors, places: np.ndarray) -> dict[str, int]:
 
 
 def colours_of(error_m: np.ndarray, kind: np.ndarray, full_m: float) -> np.ndarray:
-    """RGB uint8 (n, 3): ``signed_colours``, and SKY_GREY for what is UNSEEN or too COARSE."""
+    """RGB uint8 (n, 3): ``signed_colours``, and SKY_GREY for UNSEEN and too COARSE vertices."""
     return np.where((kind >= COARSE)[:, None], np.uint8(SKY_GREY), signed_colours(error_m, full_m))

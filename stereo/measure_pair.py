@@ -32,7 +32,7 @@ from .sources import Source
 
 @dataclass(frozen=True)
 class Run:
-    """What an evaluation does with every pair."""
+    """The work of an evaluation on every pair."""
 
     methods: Sequence[Method]
     out: Path
@@ -42,12 +42,12 @@ class Run:
 
 @dataclass(frozen=True)
 class Task:
-    """A pair of which something is missing: JSON values only, so that another process can do it."""
+    """A pair with a missing result: JSON values only, so that another process can do it."""
 
     pair: str
-    content: str  # digest of what its numbers depend on
+    content: str  # digest of everything that its numbers depend on
     keys: Mapping[str, str]  # of its rows, by the label of the method
-    rows: Mapping[str, Row]  # those that an earlier run has made
+    rows: Mapping[str, Row]  # the rows of an earlier run, by the label of the method
 
 
 def measure_pair(source: Source, run: Run, task: Task) -> Iterator[dict[str, Any]]:

@@ -33,13 +33,13 @@ from .sources import find_sources
 
 #: Methods that use one processor and little memory. Others may fill a GPU, or all processors, by themselves.
 _SINGLE = ("bm", "sgbm", "sgbm_wls", "jplv", "prediction")
-#: A process must have so many pairs to do: its start costs as much as measuring one or two.
+#: Least number of pairs for each process: its start costs as much as measuring one or two.
 _PAIRS_EACH = 4
 _LOOK_S = 0.25
 
 
 def choose_count(jobs: int | None, methods: Sequence[Method], pairs: int) -> int:
-    """How many processes measure: ``jobs``, or as many as there are processors and pairs for; 1 is this one."""
+    """Number of processes that measure: ``jobs``, or as many as there are processors and pairs for; 1 is this one."""
     if jobs is not None:
         return jobs
     if not all(method.name in _SINGLE for method in methods):
@@ -143,7 +143,7 @@ class _Process:
         kill_all(self._process)
         self._reader.join()
         assert self._process.stdin is not None
-        with suppress(OSError):  # what it has not read
+        with suppress(OSError):  # input that it has not read
             self._process.stdin.close()
 
 

@@ -1,7 +1,7 @@
 """A rendered pair as pictures for the window: the camera images and the true depth.
 
-It needs only numpy, which Blender has. Images of a distorting lens are interpolated with OpenCV, so here the images are
-those of pinholes, and not rectified if the eyes are toed in. Edge-aware demosaicing is OpenCV's too.
+It needs only numpy, which Blender has. Images of a distorting lens are interpolated with OpenCV, so here the images
+come from pinhole cameras, and are not rectified if the eyes are toed in. Edge-aware demosaicing is OpenCV's too.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class PairViews:
     saturated: float  # share of the left pixels
     shift_px: int  # disparity of the median depth, whole pixels
     reduced: int  # factor by which width and height are reduced
-    warnings: tuple[str, ...]  # what is left out, and warnings about the exposure
+    warnings: tuple[str, ...]  # effects that are left out, and warnings about the exposure
 
     def pictures(self, view: str) -> list[np.ndarray]:
         """The picture of a view, uint8 RGB (H, W, 3); of FLICKER the two that take turns. KeyError for no view."""

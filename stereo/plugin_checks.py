@@ -1,4 +1,4 @@
-"""Trying a plug-in of the evaluator on a pair whose truth is known, as a list of checks with what to correct."""
+"""Trying a plug-in of the evaluator on a pair whose truth is known, as a list of checks with their corrections."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def check_matcher(plugin: Plugin) -> Iterator[Check]:
 
 
 def _fault(plugin: Plugin, found: np.ndarray, truth: np.ndarray) -> str:
-    """What is wrong with the disparities of the trial."""
+    """The fault of the disparities that the plug-in found in the trial, in words; empty if there is no fault."""
     def share_right(values: np.ndarray) -> float:
         known = np.isfinite(values)
         return float((np.abs(values - truth)[known] < _RIGHT_PX).mean()) if known.any() else 0.0

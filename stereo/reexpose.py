@@ -24,7 +24,7 @@ from .images.image_files import write_npy, write_png
 from .images.lens import lens_of
 from .images.views import read_sensor_depth
 
-#: Files that only some settings produce; those of an earlier run are removed.
+#: Files that only some settings produce; leftovers of an earlier run are removed.
 _STALE = re.compile(r"(left|right)_(\d+\.png|distorted\.png|mosaic\.png|deposits\.png|distorted_depth\.npy)")
 FORMAT, VERSION = "icymoon-images", 1
 
@@ -38,9 +38,9 @@ def reexpose(paths: Sequence[Path], out: Path, response: Mapping[str, Mapping[st
     * ``left.png`` and ``right.png``, rectified, 8-bit, or 16-bit with ``image_bits`` bits, in colour if the sensor is;
     * of a colour sensor, its numbers as ``left_mosaic.png``, not rectified;
     * with brackets, every exposure as ``left_0.png`` and so on, the longest first, not rectified;
-    * with a distorting lens or toed-in eyes, the image of the sensor as ``left_distorted.png`` (of a colour sensor, the
-      mosaic is that), and the depth of its pixels (npy, metres along the axis of the eye, NaN for none);
-    * with deposits on the lenses, what they block as ``left_deposits.png``, 255 where it is all light;
+    * with a distorting lens or toed-in eyes, the image of the sensor as ``left_distorted.png`` (a colour sensor's is
+      the mosaic), and the depth of its pixels (npy, metres along the axis of the eye, NaN for none);
+    * with deposits on the lenses, the light that they block as ``left_deposits.png``, 255 where they block all of it;
     * last, ``images.json``: exposure, gain, calibration and settings.
 
     ``on_event`` gets the events of ``evaluate``. A pair that fails does not stop the others. Raises IcyMoonError if
@@ -90,7 +90,7 @@ def _reexpose_pair(folder: Path, out: Path, response: Mapping[str, Mapping[str, 
 
 
 def _images_by_name(images: Images, sensor_bits: int) -> dict[str, np.ndarray]:
-    """The images to write, by name; those of 8 bits are uint8, and those in colour in the order B, G, R."""
+    """The images to write, by name; images of 8 bits are uint8, and colour images are in the order B, G, R."""
     named = {eye: (images.for_files(eye), images.bits) for eye in EYES}
     if images.detected_left is not images.left:
         kind = "mosaic" if images.is_mosaic else "distorted"

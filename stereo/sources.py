@@ -1,4 +1,4 @@
-"""The pairs that are evaluated: rendered ones, and those of other data sets."""
+"""The pairs that are evaluated: rendered pairs, and pairs of other data sets."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class RenderedPair:
         return self.folder.name
 
     def content(self) -> list[Any]:
-        """The checksum of ``pair.json``, which has those of the images."""
+        """The checksum of ``pair.json``, which contains the checksums of the images."""
         return [read_checksum(self.folder / "pair.json")]
 
     def prepare(self, response: Mapping[str, Mapping[str, Any]]) -> Prepared:
@@ -60,8 +60,8 @@ class RenderedPair:
 def find_sources(paths: Sequence[Path]) -> list[Source]:
     """All pairs at ``paths``, each once: pair folders, data sets, and folders in the layout of other data sets.
 
-    Raises IcyMoonError if there is none at a path, if two different pairs have the same name, or if a name is one that
-    results cannot have.
+    Raises IcyMoonError if a path has no pair, if two different pairs have the same name, or if results cannot have the
+    name of a pair.
     """
     rendered = [path for path in paths if has_pairs(path)]
     found: list[Source] = [RenderedPair(folder) for folder in (distinct_pairs(rendered) if rendered else ())]
@@ -99,7 +99,7 @@ def _find_foreign(path: Path) -> list[FoundPair]:
 
 
 def check_response(sources: Sequence[Source], response: Mapping[str, Mapping[str, Any]]) -> None:
-    """Raise IcyMoonError if the camera response is to be changed of pairs that are no renders."""
+    """Raise IcyMoonError if ``response`` would change the camera response of pairs that were not rendered."""
     foreign = next((source for source in sources if isinstance(source, ForeignPair)), None)
     if response and foreign:
         raise IcyMoonError(f"{foreign.folder} was not rendered here, and its images have the response of their camera; "

@@ -28,15 +28,15 @@ class Dataset:
     """The pairs of data sets, developed when they are asked for. ``DataLoader`` works on it.
 
     A sample is a dictionary of tensors: ``left`` and ``right``, float32 (1, H, W), or (3, H, W) of a colour sensor,
-    from 0 to 1; ``disparity_px``, float32 (H, W), 0 where there is none; ``valid``, bool (H, W), where there is one;
+    from 0 to 1; ``disparity_px``, float32 (H, W), 0 where unknown; ``valid``, bool (H, W), where it is known;
     ``occluded``, bool (H, W), where the right eye does not see its point; ``focal_px``, ``baseline_m``, ``cx_px`` and
     ``cy_px`` of the crop; and the texts ``pair`` and ``scene``.
 
-    ``split`` is one of ``splits``, the shares of the scenes, by default those of the plan of the data set, or 80 %
-    train, 10 % val and 10 % test: pairs of one ground are never in two splits. ``presets``
-    and ``augment`` change the camera response: ``augment={"sensor.read_noise_e": (2, 40)}`` draws each from a range,
-    for every sample and epoch anew. ``crop_px`` is (width, height) of a random window. Raises IcyMoonError for a split
-    that there is not, for settings that need a new render, and if no pair is left.
+    ``split`` is one of ``splits``, the shares of the scenes. Their default is in the plan of the data set, or 80 %
+    train, 10 % val and 10 % test. Pairs of one ground are never in two splits. ``presets`` and ``augment`` change the
+    camera response: ``augment={"sensor.read_noise_e": (2, 40)}`` draws each setting from a range, anew for every
+    sample and epoch. ``crop_px`` is (width, height) of a random window. Raises IcyMoonError for an unknown split,
+    for settings that need a new render, and if no pair is left.
     """
 
     def __init__(self, paths: str | Path | Sequence[str | Path], split: str | None = None, *,

@@ -117,7 +117,7 @@ def _write(answers: IO[bytes], message: dict[str, Any]) -> None:
 
 
 def _answer(disparity: Callable[..., Any], request: dict[str, Any]) -> dict[str, Any]:
-    """Compute one pair, write its disparity, and return what it took."""
+    """Compute one pair, write its disparity, and return the time and memory that it took."""
     left, right = (np.load(request[eye], allow_pickle=False) for eye in ("left", "right"))
     camera = None
     if request.get("camera"):

@@ -6,9 +6,9 @@
     mitsuba_hapke.register()
     scene = mi.load_file("scene_left.xml")
 
-Needs Mitsuba 3.6 or later in a variant that is not scalar, and nothing of Icy Moon. Register it after the variant
-was chosen. The parameters are those of Icy Moon's settings: ``w``, ``b``, ``c``, ``b_s0``, ``h_s``, ``b_c0``, ``h_c``,
-``theta_bar_deg``, ``k`` (the porosity factor) and ``h_function`` (1981, 1993 or 2002).
+Needs Mitsuba 3.6 or later in a variant that is not scalar, and nothing of Icy Moon. Register it after you chose the
+variant. The parameters have the names of Icy Moon's settings: ``w``, ``b``, ``c``, ``b_s0``, ``h_s``, ``b_c0``,
+``h_c``, ``theta_bar_deg``, ``k`` (the porosity factor) and ``h_function`` (1981, 1993 or 2002).
 
 Directions are sampled by the cosine, so that a scene converges as with Lambert's law.
 """

@@ -51,7 +51,7 @@ def render(scene_file: Path, samples: int, seed: int) -> tuple[np.ndarray, np.nd
 
 
 def main(arguments: list[str]) -> int:
-    """Render what the arguments name."""
+    """Render the scene that the arguments name."""
     if not arguments:
         sys.exit(__doc__)
     file = Path(arguments[0])

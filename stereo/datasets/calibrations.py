@@ -24,7 +24,7 @@ _OURS = {"camera": {"width_px": PIXELS, "height_px": PIXELS, "focal_px": POSITIV
          "saturation_radiance": Maybe(NUMBER, null=True)}
 #: First number of Sintel's files of cameras.
 _SINTEL_MARK = 202021.25
-#: How far focal lengths of rectified images may be apart, relative: digits that were left out.
+#: Largest relative difference of the focal lengths of rectified images, for digits that were left out.
 _SAME_FOCAL = 1e-3
 _AGAIN = "download its camera data again"
 
@@ -40,7 +40,7 @@ def given_camera(focal_px: float, cx: float, cy: float, baseline_m: float, width
 
 
 def kitti_camera(path: Path, names: tuple[str, str], width: int, height: int) -> StereoCamera:
-    """From the two projection matrices ``names`` of the rectified eyes. Raises IcyMoonError if they are none."""
+    """From the two projection matrices ``names`` of the rectified eyes. Raises IcyMoonError if they are unusable."""
     fields = read_fields(path, ":")
     left, right = (numbers_of(path, fields, name, 12) for name in names)
     baseline = (left[3] - right[3]) / left[0] if left[0] else 0.0
@@ -67,7 +67,7 @@ def middlebury_camera(path: Path, width: int, height: int) -> StereoCamera:
 
 
 def _check_square(path: Path, focal_px: float, others: Mapping[str, float]) -> None:
-    """Raise IcyMoonError if another focal length differs from that of the left eye in x."""
+    """Raise IcyMoonError if one of the ``others`` differs from ``focal_px``, the focal length of the left eye in x."""
     for name, value in others.items():
         if abs(value - focal_px) > _SAME_FOCAL * focal_px:
             raise IcyMoonError(f"{path} states the focal length {value:g} px of {name}, and {focal_px:g} px of the "
@@ -75,8 +75,8 @@ def _check_square(path: Path, focal_px: float, others: Mapping[str, float]) -> N
 
 
 def _principal_offset(path: Path, fields: dict[str, str], left_px: float) -> float:
-    """The column of the right principal point less that of the left one, ``left_px``: what both matrices or ``doffs``
-    state, and 0 where neither is there. Raises IcyMoonError if they contradict each other."""
+    """Column of the right principal point minus ``left_px``, the column of the left one. The two matrices or ``doffs``
+    state it; it is 0 if both are missing. Raises IcyMoonError if they contradict each other."""
     by_cameras = numbers_of(path, fields, "cam1", 9)[2] - left_px if "cam1" in fields else None
     if "doffs" not in fields:
         return by_cameras or 0.0

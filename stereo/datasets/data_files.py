@@ -37,7 +37,7 @@ PNG_STEPS = 256.0
 class MapFile:
     """A file with a disparity (px) or a depth (m) for each pixel.
 
-    ``steps`` are what the file counts per px or metre; None is 256 for a disparity in a 16-bit PNG, unknown for a PNG
+    ``steps``: counts of the file per px or metre. None means 256 for a disparity in a 16-bit PNG, unknown for a PNG
     of 8 bits, and 1 otherwise. ``along_ray``: depths are distances from the eye instead of along the optical axis.
     Zero, infinity and NaN mean unknown.
     """
@@ -46,8 +46,8 @@ class MapFile:
     kind: str = "disparity"  # or "depth"
     steps: float | None = None
     along_ray: bool = False
-    sintel: bool = False  # coded in three bytes, as Sintel has it
-    predicted: bool = False  # by a method, of which nothing states the steps
+    sintel: bool = False  # coded in three bytes, as in Sintel
+    predicted: bool = False  # by a method; nothing states the steps
     channel: str | None = None  # of an EXR file, or an array of an npz, that holds the map
 
 
@@ -143,7 +143,7 @@ def read_map(file: MapFile) -> np.ndarray:
 
 
 def _parse_map(foreign: ForeignBytes, file: MapFile) -> tuple[np.ndarray, float]:
-    """The numbers of a file, and how many steps per px or metre are usual in its format."""
+    """The numbers of a file, and the usual steps per px or metre of its format."""
     start = foreign.part(0, min(32, foreign.size))
     if start.startswith(EXR):
         return _parse_exr(foreign, file), 1.0

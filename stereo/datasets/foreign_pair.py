@@ -1,4 +1,4 @@
-"""A pair of another data set: its files, and what can be measured with them."""
+"""A pair of another data set: its files, and the measurements that they allow."""
 
 from __future__ import annotations
 
@@ -206,7 +206,7 @@ class ForeignPair:
                 "not search."] if offset > _LEVEL_PX else []
 
     def _missing(self, occlusion_known: bool) -> str:
-        """What cannot be had of such a pair, in a sentence or two."""
+        """The errors and metrics that such a pair cannot have, in a sentence or two."""
         hidden = "" if occlusion_known else " Without a mask of hidden pixels there are no metrics of visible pixels."
         return (f"{self.layout}: without normals, labels and the direction of the Sun there are no errors by slope, "
                 f"light and material.{hidden}")
@@ -231,7 +231,7 @@ class UnusablePair:
 
 
 def find_pair(name: str, folder: Path, left: Path, find: Callable[[], ForeignPair]) -> ForeignPair | UnusablePair:
-    """What ``find`` gives, or an unusable pair where it raises IcyMoonError: that costs no other pair."""
+    """The result of ``find``, or an unusable pair if it raises IcyMoonError, so that no other pair is lost."""
     try:
         return find()
     except IcyMoonError as error:
@@ -259,17 +259,17 @@ class PhotographedPair:
     search_range: SearchRange
 
     def rectified_pose(self, eye: str) -> np.ndarray | None:
-        """The axes of the left eye are those of the points: x right, y down, z ahead."""
+        """Pose of an ``eye`` in the axes of the left one, which the points use too: x right, y down, z ahead."""
         pose = np.eye(4)
         pose[0, 3] = 0.0 if eye == "left" else self.camera.baseline_m
         return pose
 
 
-#: Photographs have no self-check: their brightness differs between the eyes, and their truth has errors of its own.
+#: Photographs have no self-check: their brightness differs between the eyes, and their truth has errors too.
 _UNCHECKED = SelfCheck(None, None, None, None, None, ())
 
 
 def safe_name(text: str) -> str:
-    """A name for results: what is no file name everywhere is replaced."""
+    """A name for results: characters that some systems forbid in file names are replaced."""
     name = re.sub(r"[^A-Za-z0-9._-]+", "_", text).strip("._ ") or "pair"
     return name if FILE_NAME.fits(name) else f"pair_{name}"

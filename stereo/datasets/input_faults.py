@@ -1,4 +1,4 @@
-"""Finding what is wrong with truth and predictions whose numbers can be read but mean something else."""
+"""Finding faults in truth and predictions whose numbers can be read but mean something else."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from ..measure.fit_check import KINDS, Fault, Places, find_fault, find_misfit, k
 from ..measure.metrics import usable
 from .data_files import MapFile
 
-#: Numbers are of the wrong sign if at least so many of them are.
+#: Share of negative numbers from which their sign is taken to be wrong.
 WRONG_SIGN = 0.99
 #: Factors between units: steps of a PNG, of OpenCV's disparities, millimetres.
 _UNITS = (256.0, 16.0, 1000.0)
-#: A median ratio of prediction and truth is a factor between units if it is within this of it, and if half of the
-#: ratios of single pixels are within the second number: those of a matcher that fails are scattered.
+#: A median ratio of prediction and truth is a factor between units if it differs from it by at most the first number,
+#: and half of the pixels' ratios differ by at most the second: the ratios of a matcher that fails are scattered.
 _NEAR, _TIGHT = 0.03, 0.1
 #: Factors that numbers may be wrong by: units, scales of images, feet and inches.
 _FACTORS = (2.0, 3.0, 4.0, 8.0, 10.0, 16.0, 32.0, 64.0, 100.0, 128.0, 256.0, 1000.0, 1 / 0.3048, 1 / 0.0254)
-#: Baselines, m, and focal lengths, as shares of the width, of stereo heads and of data sets: views of 1.9 to 147°.
+#: Baselines, m, and focal lengths, as shares of the width, of stereo heads and data sets: views of 1.9 to 147°.
 _BASELINES_M, _FOCAL_SHARES = (1e-3, 3.0), (0.15, 30.0)
 #: Ratio of the mean values of both eyes' images above which they are doubted; auto-exposures differ by less.
 _MOST_UNLIKE = 2.0
@@ -75,7 +75,7 @@ def check_truth(pair: Files, values: np.ndarray, camera: StereoCamera, places: P
 
 
 def _describe_other_causes(fault: Fault, kind: str) -> str:
-    """What else than the numbers of a map may be wrong, as the rest of a sentence."""
+    """Faults other than the map's numbers that would look the same, as the rest of a sentence."""
     if fault.kind != "factor":
         return ""
     if kind == "disparity":
@@ -122,7 +122,7 @@ def doubt_camera(camera: StereoCamera) -> list[str]:
 
 
 def doubt_brightness(left: np.ndarray, right: np.ndarray) -> list[str]:
-    """A warning if one of two grey images (H, W) is so much darker that matchers, which compare values, find little."""
+    """A warning if one of two grey images (H, W) is too dark for matchers, which compare values, to find much."""
     means = float(np.mean(left)), float(np.mean(right))
     if max(means) <= _MOST_UNLIKE * min(means):
         return []
@@ -164,8 +164,8 @@ def round_factor(size: float) -> float:
 
 
 def check_prediction(path: Path, disparity: np.ndarray, true_depth: np.ndarray, camera: StereoCamera) -> None:
-    """Raise IcyMoonError if a ``disparity`` map, NaN where there is none, is of another size, sign, unit or orientation
-    than the pair, whose ``true_depth`` in metres is NaN where unknown."""
+    """Raise IcyMoonError if a ``disparity`` map, NaN where unknown, has another size, sign, unit or orientation than
+    the pair, whose ``true_depth`` in metres is NaN where unknown."""
     true_disparity = camera.disparity(true_depth)
     check_map_size(path, disparity.shape, true_disparity.shape, "disparity")
     known = np.isfinite(disparity)
@@ -201,8 +201,8 @@ def check_prediction(path: Path, disparity: np.ndarray, true_depth: np.ndarray, 
 
 def check_map_size(path: Path, shape: tuple[int, ...], wanted: tuple[int, ...], kind: str, beside: str = "the pair is"
                    ) -> None:
-    """Raise IcyMoonError if a map of ``kind`` "depth" or "disparity" has a ``shape`` other than the ``wanted`` one of
-    what is ``beside`` it; the fix is the change of size that is likely."""
+    """Raise IcyMoonError if a map of ``kind`` "depth" or "disparity" has a ``shape`` other than ``wanted``. ``beside``
+    names the data with that shape. The message proposes the likely change of size."""
     if shape != wanted:
         raise IcyMoonError(f"{path} is {shape[1]} x {shape[0]} px, and {beside} {wanted[1]} x {wanted[0]} px; "
                            f"{_find_resize(shape, wanted, kind)}.")

@@ -41,9 +41,9 @@ Finder = Callable[[Path], list[FoundPair]]
 
 
 def find_foreign_pairs(path: Path) -> list[FoundPair]:
-    """The pairs at ``path``, which is a folder in one of the layouts, or of one pair; empty if it is none of them.
+    """The pairs at ``path``, a folder in one of the layouts or of one pair; empty for any other path.
 
-    A file that a pair needs and that is missing or outside costs that pair only. Raises IcyMoonError if no pair is
+    If a file of a pair is missing or outside the folder, only that pair is lost. Raises IcyMoonError if no pair is
     left, a folder that the layout needs is missing, or two pairs have the same name.
     """
     if not path.is_dir():
@@ -111,7 +111,7 @@ def _folders_with(path: Path, name: str) -> list[Path]:
 
 
 def _folder_name(root: Path, folder: Path) -> str:
-    """What the pair in a folder is called; ``root`` may be written as ``.``."""
+    """Name of the pair in a folder; ``root`` may be written as ``.``."""
     return safe_name((folder.resolve() if folder == root else folder).name)
 
 
@@ -243,6 +243,6 @@ def _our_export(root: Path, folder: Path) -> ForeignPair:
 
 
 FINDERS: tuple[Finder, ...] = (plain_pairs, _kitti, _kitti_2012, _middlebury, _sceneflow, _sintel, _our_exports, _guiss)
-#: What may be given, in words.
+#: The supported layouts, in words.
 KNOWN = (f"KITTI 2012 or 2015, Middlebury, ETH3D, SceneFlow, Sintel, GUISS, our own exports, or a folder with "
          f"{PLAIN_FILE}")

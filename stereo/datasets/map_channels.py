@@ -1,7 +1,7 @@
 """Which channel of an EXR file, or which array of an npz file, holds a map of disparity or depth.
 
-A file may have many: colours, normals, the depths of several layers. One is taken only if its name, and those of the
-channels beside it, leave no other; where several remain, the user states one.
+A file may have many channels: colours, normals, the depths of several layers. A channel is chosen only if the names of
+all channels leave no other. Where several remain, the user states one.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from collections.abc import Sequence
 from ...files import shorten
 from ...support.foreign_bytes import RefusedError
 
-#: How layers, passes or channels that hold a map are called; then components that do in other passes than those of
-#: directions, places, colours and labels, the likeliest first.
+#: Names of layers, passes or channels that hold a map. Then components that may hold one, the likeliest first, except
+#: in the passes of ``_NO_MAPS``: directions, places, colours and labels.
 _WORDS = {"depth": ("depth", "disparity"), "disparity": ("disparity", "depth")}
 _COMPONENTS = ("Z", "Y", "V", "R")
 _NO_MAPS = ("normal", "position", "vector", "uv", "image", "combined", "rgb", "colour", "color", "diff", "gloss",
             "emit", "index", "crypto", "shadow", "ao", "mist")
-#: How many names a sentence quotes.
+#: Number of names that a sentence quotes.
 _SHOWN = 6
-#: Components of a vector, of which none is a map if there are two or more; of a picture; and its opacity.
+#: Components of a vector, which are no maps if there are two or more; of a picture; and its opacity.
 _VECTOR, _COLOURS, _OPACITY = {"x", "y", "z"}, ("R", "G", "B"), "A"
 
 

@@ -11,17 +11,17 @@ import numpy as np
 from ...physics.camera.stereo_camera import StereoCamera
 from ..measure.fit_check import Places, are_seen
 
-#: Share of an image that a plateau has at least, and by what factor it is nearer or farther than all other points.
+#: Least share of an image that a plateau has, and the factor by which it is nearer or farther than all other points.
 _SHARE, _BEYOND = 0.002, 1.5
-#: How many of the least steps between other values a plateau is away from them: the levels of a coarse map are one.
+#: Distance of a plateau from all other values, in least steps between them: the levels of a coarse map are one apart.
 _STEPS = 2
 
 
 def find_markers(values: np.ndarray, kind: str, camera: StereoCamera, places: Places) -> tuple[float, ...]:
-    """The values of a map (H, W) of "depth" (m) or "disparity" (px), NaN where unknown, that stand for unknown ones.
+    """Values that stand for unknown ones in a map (H, W) of "depth" (m) or "disparity" (px), NaN where unknown.
 
-    Such a value is the nearest or the farthest one, in many pixels to the bit, and far beyond every other, or the only
-    negative disparity. It is none if the images have places there that fit: a wall.
+    Such a value is the nearest or the farthest one, is the same to the bit in many pixels, and lies far beyond all
+    others, or is the only negative disparity. If the images fit there, it is a real surface: a wall.
     """
     return tuple(value for nearest in (False, True)
                  if (value := _find_plateau(values, kind, camera, places, nearest)) is not None)
@@ -54,7 +54,7 @@ def is_possible(disparity: np.ndarray) -> np.ndarray:
 
 
 def _disparity(values: np.ndarray, kind: str, camera: StereoCamera) -> np.ndarray:
-    """Disparities in px, NaN where there is none in front of the camera."""
+    """Disparities in px, NaN where no depth is in front of the camera."""
     if kind == "disparity":
         return values
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -10,12 +10,12 @@
     baseline_m = 0.25
 
 ``{pair}`` stands for the name of a pair. ``images`` may have ``linear`` (true: the images are in proportion to light).
-``truth`` has ``disparity`` (px) or ``depth`` (m), and may have ``steps`` (what the file counts per px or metre),
+``truth`` has ``disparity`` (px) or ``depth`` (m), and may have ``steps`` (counts of the file per px or metre),
 ``channel`` (the name of the channel of an EXR file, or of the array of an npz, that holds the map),
 ``along`` ("ray" for distances from the eye, "axis" for depths along the optical axis),
 ``right`` (the same map of the right eye) and ``visible`` (an image that is 255 where the right eye sees the point too).
 ``camera`` may have ``cx_px`` and ``cy_px``, from the corner of the first pixel, and ``doffs_px``, the column of the
-right principal point less that of the left one.
+right principal point minus the column of the left one.
 """
 
 from __future__ import annotations

@@ -33,8 +33,8 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9 ._+-]{0,59}")
 def parse_predictions(texts: Sequence[str], pairs: Sequence[str], taken: Sequence[str] = ()) -> list[Method]:
     """The methods of ``NAME=FOLDER`` texts; ``pairs`` are the names of all pairs, ``taken`` the labels in use.
 
-    A folder without a prediction of any pair costs its own method, as ``find_prediction`` tells. Raises IcyMoonError
-    for any other text, a name in use, what is no folder, and if no method would have a result.
+    A folder without any prediction is accepted beside other methods: ``find_prediction`` reports it later. Raises
+    IcyMoonError for any other text, a name in use, a path that is no folder, and if no method would have a result.
     """
     found: list[Method] = []
     empty: list[str] = []
@@ -65,7 +65,7 @@ def options_of(method: Method) -> dict[str, Any]:
 
 
 def find_prediction(method: Method, pair: str) -> Path:
-    """The file with a pair's disparity. Raises IcyMoonError if there is none, or more than one."""
+    """The file with a pair's disparity. Raises IcyMoonError if there are no files or several."""
     root = Path(method.options["folder"])
     found = _find(root, pair)
     if not found:
@@ -83,8 +83,8 @@ def _find(root: Path, pair: str) -> list[Path]:
 
 
 def _find_misnamed(root: Path, pair: str) -> Path | None:
-    """The one file that may be a prediction and has the name of a pair as a part of its own; None if there are none or
-    several."""
+    """The only file that may be a prediction and whose name contains the ``pair`` as a whole word; None if no file or
+    several do."""
     named = re.compile(rf"(?<![A-Za-z0-9]){re.escape(pair)}(?![A-Za-z0-9])")
     try:
         found = [path for path in islice(root.iterdir(), _LOOKED_THROUGH)
@@ -95,7 +95,7 @@ def _find_misnamed(root: Path, pair: str) -> Path | None:
 
 
 def read_prediction(method: Method, prepared: Prepared) -> tuple[np.ndarray, dict[str, Any]]:
-    """The disparity, float32 (H, W), NaN where invalid, and what ``match`` reports beside it.
+    """The disparity, float32 (H, W), NaN where invalid, and an ``info`` like the one of ``match``.
 
     Raises IcyMoonError if the file is missing, damaged, or of another size, sign or unit.
     """

@@ -18,11 +18,11 @@ from ..measure.fit_check import KINDS, TURNS, Fault, find_fault, known_places, s
 from .data_files import MapFile, read_image, read_map
 from .input_faults import WRONG_SIGN, round_factor
 
-#: Numbers of a mask: hidden or unknown, known to the left eye only, seen by both. So many pixels may have others, as
-#: edges of a mask that was made smaller do.
+#: Numbers of a mask: hidden or unknown, known to the left eye only, seen by both. The share of pixels that may have
+#: others, as edges of a mask that was made smaller do.
 _SEEN, _NUMBERS, _OTHERS = 255, (0, 128, 255), 0.1
-#: Hidden pixels from which on a mask is held against the truth; the overlap, intersection over union, of theirs with
-#: those by the truth at which another reading of the mask fits; and by what factor it is better than the stated one.
+#: Hidden pixels from which on a mask is held against the truth; the least overlap, intersection over union, of the
+#: hidden pixels by another reading of the mask and by the truth; and the least ratio to the stated reading's overlap.
 _FEWEST, _FITS, _BETTER = 150, 0.5, 2.0
 
 
@@ -75,8 +75,8 @@ def _check_numbers(path: Path, mask: np.ndarray) -> None:
 
 
 def find_better_reading(seen: np.ndarray, disparity: np.ndarray) -> str | None:
-    """The way in which a Boolean mask (H, W) of what the right eye sees fits the left eye's true ``disparity`` (H, W),
-    px, far better than as it stands, in words; None if there is none, or if nearly nothing is hidden."""
+    """Another reading, in words, of ``seen``, a Boolean mask (H, W) of the pixels that the right eye sees, if it fits
+    the left eye's true ``disparity`` (H, W), px, far better. None if no reading does or nearly nothing is hidden."""
     known = np.isfinite(disparity)
     hidden = known & ~(is_in_frame(matching_column(disparity))
                        & ~find_hidden(disparity, seen_from_other(disparity, "left"), "left"))
@@ -128,8 +128,8 @@ def check_right_truth(file: MapFile, values: np.ndarray, camera: StereoCamera, d
 
 
 def find_fault_of_right(values: np.ndarray, kind: str, camera: StereoCamera, disparity: np.ndarray) -> Fault | None:
-    """What is wrong with a map ``values`` (H, W) of the right eye, of ``kind`` "depth" (m) or "disparity" (px), by the
-    left eye's true ``disparity`` (H, W); all NaN where unknown. None if they fit. "right_eye" is the left eye's map."""
+    """The fault of the right eye's map ``values`` (H, W), of ``kind`` "depth" (m) or "disparity" (px), by the left
+    eye's true ``disparity`` (H, W); both NaN where unknown. None if they fit. "right_eye" is the left eye's map."""
     # Mirrored, the right eye is the left one of a pair. Its places are where the left eye's truth puts them.
     right = right_camera(camera)
     mirrored = replace(right, cx_px=camera.width_px - right.cx_px)

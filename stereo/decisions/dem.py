@@ -1,4 +1,4 @@
-"""Elevation models of a workspace: heights on square cells in the site's frame, north up, and how far off they are."""
+"""Elevation models of a workspace: heights on square cells in the site's frame, north up, and their errors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ...formats.tiff_write import Place, encode_tiff
 from ...physics.camera.stereo_camera import StereoCamera
 from ...support.foreign_bytes import MOST_BYTES, ForeignBytes, RefusedError, parse_npy, read
 
-#: From as many points on, a cell's height is known: a median of fewer is no better than one flying point.
+#: Least number of points for a known height of a cell: a median of fewer is no better than one flying point.
 FEWEST_POINTS = 3
 #: From the median absolute deviation to the standard deviation of a normal distribution.
 _NORMAL = 1.4826
@@ -119,7 +119,7 @@ def grid_points(position_m: np.ndarray, grid: Grid, fewest: int = FEWEST_POINTS)
 
 
 def mean_by_cell(position_m: np.ndarray, values: np.ndarray, grid: Grid) -> np.ndarray:
-    """The mean of values (n,) over the points of each cell, NaN where there is none."""
+    """The mean of values (n,) over the points of each cell, NaN in cells without points."""
     cell = grid.cells_of(position_m)
     inside = cell >= 0
     count = np.bincount(cell[inside], minlength=grid.rows * grid.columns)

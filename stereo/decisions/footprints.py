@@ -1,4 +1,4 @@
-"""What lies under a round footprint that is centred on each cell of an elevation model: slope, roughness, shares.
+"""The ground under a round footprint that is centred on each cell of an elevation model: slope, roughness, shares.
 
 Planes are fitted by least squares to the known cells of the footprint, from sums that are filters of the heights. The
 coordinates of these sums are centred on the footprint, so nothing cancels.
@@ -19,7 +19,7 @@ _LINE = 1e-6
 
 @dataclass(frozen=True)
 class Planes:
-    """Least-squares planes under the footprints: arrays (rows, columns), NaN where there is none."""
+    """Least-squares planes under the footprints: arrays (rows, columns), NaN without a plane."""
 
     slope_deg: np.ndarray
     roughness_m: np.ndarray  # root mean square distance of the heights from the plane, along z
@@ -62,8 +62,8 @@ def fit_planes(height_m: np.ndarray, cell_m: float, diameter_m: float) -> Planes
 
 
 def share_under(mask: np.ndarray, cell_m: float, diameter_m: float, among: np.ndarray | None = None) -> np.ndarray:
-    """The share of the cells under each footprint where ``mask`` is true, or its mean value; of those ``among`` if
-    given, NaN where there is none. Cells beyond the border count as false."""
+    """The share of the cells under each footprint where ``mask`` is true, or its mean value. If ``among`` is given,
+    only its cells count, and footprints without any are NaN. Cells beyond the border count as false."""
     shape = disc(diameter_m, cell_m)
     if among is None:
         return np.clip(sums(mask.astype(np.float64), shape) / shape.sum(), 0.0, 1.0)

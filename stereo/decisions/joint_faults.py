@@ -1,8 +1,8 @@
 """Which fault of a joint a matcher's pose of the scoop shows: measured on pairs with a joint off by a known angle.
 
-The score of a pair is how far the scoop is found from where it is found without a fault, on the average of the pairs
-with the same commanded angles. That average takes away what a matcher is always off by. The limit beyond which a score
-is a fault is what pairs without one exceed in 5 of 100: their scores are those against the average of the others.
+The score of a pair is the distance of the found scoop from its mean place in the pairs without a fault that have the
+same commanded angles. The mean takes away the constant error of a matcher. The limit beyond which a score means a fault
+is exceeded by 5 of 100 pairs without one: each of these is scored against the mean of the others.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 from ...number_text import count_of
 from ..matchers.methods import describe_method
 
-#: Fewest pairs without a fault of which a limit is stated.
+#: Fewest pairs without a fault from which a limit is computed.
 FEWEST_SOUND = 6
-#: The 95 % quantile of Student's t by its degrees of freedom; between two the lower number, which is the safer one.
+#: The 95 % quantile of Student's t by its degrees of freedom; between two entries the lower one counts, to be safe.
 _T95 = {5: 2.015, 6: 1.943, 7: 1.895, 8: 1.860, 9: 1.833, 10: 1.812, 15: 1.753, 20: 1.725, 30: 1.697}
 #: Angles this near are the same, degrees.
 _SAME_DEG = 1e-4
@@ -26,10 +26,10 @@ _Entry = Mapping[str, Any]
 
 
 def find_faults(rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequence[str]) -> list[dict[str, Any]]:
-    """For each method and each joint that is off in some pair: by ``angles`` (degrees, either way), how many ``pairs``,
-    the share ``noticed`` and the ``roc_area`` against the pairs without a fault; ``noticed_from_deg``, the smallest of
-    these angles from which on every pair is noticed, or None; ``limit_mm``, ``sound`` pairs and the share of
-    ``false_alarms`` among them. ``note`` is why there is no such number, or empty.
+    """For each method and each joint that is off in some pair: by ``angles`` (degrees, either way), the number of
+    ``pairs``, the share ``noticed`` and the ``roc_area`` against the pairs without a fault; ``noticed_from_deg``, the
+    smallest of these angles from which on every pair is noticed, or None; ``limit_mm``, ``sound`` pairs and the share
+    of ``false_alarms`` among them. ``note`` is the reason for a missing number, or empty.
 
     Empty if no pair has a fault of exactly one joint. A pair in which no pose is found is not noticed.
     """
@@ -94,13 +94,14 @@ def roc_area(scores: np.ndarray, sound: np.ndarray) -> float | None:
 
 
 def _scores_without(places: Sequence[np.ndarray]) -> list[float]:
-    """How far each place (3,) is from the mean of the others."""
+    """Distance of each place (3,) from the mean of the others."""
     total, count = np.sum(places, axis=0), len(places)
     return [float(np.linalg.norm(place - (total - place) / (count - 1))) for place in places] if count > 1 else []
 
 
 def _limit(scores: np.ndarray) -> float | None:
-    """What one more score exceeds in 5 of 100, as far as so few tell: Student's t of their mean and deviation."""
+    """The limit that one more score exceeds in 5 of 100 cases, by Student's t of the scores' mean and deviation; None
+    for fewer than FEWEST_SOUND scores."""
     if len(scores) < FEWEST_SOUND:
         return None
     free = len(scores) - 1

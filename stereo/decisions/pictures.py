@@ -12,11 +12,11 @@ from .workspace import Maps, Workspace
 OUTCOMES = (("safe and taken for safe", (0, 158, 115)), ("unsafe, but taken for safe", (213, 60, 0)),
             ("safe, but lost", (240, 200, 66)), ("unsafe and known as that", (111, 127, 143)),
             ("out of reach or beyond the map", (205, 211, 218)))
-#: The same of a map by itself: safe, and the rule that fails first.
+#: Names and BGR colours of the cells of a single map: safe, or the rule that fails first.
 CODES = (("safe", (0, 158, 115)), ("not known", (60, 66, 74)), ("too steep", (192, 105, 160)),
          ("too rough", (213, 94, 0)), ("a rock too near", (120, 70, 40)), ("out of reach", (205, 211, 218)),
          ("in shadow", (42, 90, 160)))
-#: Height errors from blue (too low) over white to red (too high); full colours at so many metres.
+#: Height error, metres, with the full colour: from blue (too low) over white to red (too high).
 FULL_M = 0.05
 _LOW, _RIGHT, _HIGH, _UNKNOWN = (0x2B, 0x5F, 0xC4), (0xF4, 0xF4, 0xF4), (0xC4, 0x2B, 0x2B), (150, 150, 150)
 #: Side of a picture, pixels, about.
@@ -24,14 +24,14 @@ _SIDE_PX = 360
 
 
 def outcome_picture(workspace: Workspace, found: Maps) -> np.ndarray:
-    """BGR picture of what became of each cell, with the chosen site as a ring."""
+    """BGR picture of the outcome of each cell, with the chosen site as a ring."""
     safe, taken = workspace.truth.sites.safe, found.sites.safe
     code = np.select([~(workspace.reached & workspace.truth.dem.known), safe & taken, taken, safe], [4, 0, 1, 2], 3)
     return _enlarged(_coloured(code, OUTCOMES))
 
 
 def code_picture(maps: Maps, inside: np.ndarray) -> np.ndarray:
-    """BGR picture of which cells are safe, and why others are not; cells beyond ``inside`` are out of reach."""
+    """BGR picture of the safe cells and the failed rule of the others; cells beyond ``inside`` are out of reach."""
     return _enlarged(_coloured(np.where(inside, maps.sites.failed, 5), CODES))
 
 

@@ -1,7 +1,7 @@
-"""How far an excavation has come, by each matcher: volumes between the elevation models of a series of states.
+"""Progress of an excavation by each matcher: volumes between the elevation models of a series of states.
 
-What a matcher takes for a change is measured on null pairs: pairs of the same site in which nothing had been dug, each
-with noise of its own, and with the jitter of the camera and the Sun that its state has.
+False changes of a matcher are measured on null pairs: pairs of the same site in which nothing had been dug, each with
+independent noise, and with the jitter of the camera and the Sun of its state.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from .pictures import change_picture
 _STATE = ("excavation", "state")
 _DUG = "excavation"
 _SHAPE = ("geometry",)
-#: The entries of a fact that two elevation models have in common if their cells are the same.
+#: Entries of a fact that are equal for two elevation models with the same cells.
 _CELLS = ("cell_m", "rows", "columns", "origin_m")
-#: A change of the true volume, m3, that is none.
+#: A change of the true volume up to this, m3, counts as no change.
 _NOTHING_M3 = 1e-9
 _Entry = Mapping[str, Any]
 
@@ -50,14 +50,15 @@ def _name_of(settings: Mapping[str, Mapping[str, Any]], counts: Any) -> str:
 
 def find_progress(rows: Sequence[_Entry], facts: Sequence[_Entry], labels: Sequence[str], out: Path,
                   disc_m: float) -> list[dict[str, Any]]:
-    """For each series of states and each method the ``steps`` and what null pairs tell of a volume.
+    """For each series of states and each method the ``steps`` and the errors of a volume by null pairs.
 
     A step has ``state``, ``true_m3``, ``found_m3``, ``error_m3``, ``depth_m`` and ``known``; ``level_m``, ``noticed``
-    and ``false_alarm`` of its cells (see ``change.Detection``), whose errors are those of a disc of ``disc_m``; and the
-    path ``map`` of a picture of them, which this writes. Null pairs tell ``bias_m3``, ``sigma_m3``, ``smallest_m3``
-    (noticed at 95 %) and its ``bounds_m3``, or None. ``notes`` are sentences on what cannot be given, and why.
+    and ``false_alarm`` of its cells (see ``change.Detection``), with the errors of a disc of ``disc_m``; and the path
+    ``map`` of a picture of the cells, which this writes. Null pairs give ``bias_m3``, ``sigma_m3``, ``smallest_m3``
+    (noticed at 95 %) and its ``bounds_m3``, or None. ``notes`` are sentences that say which numbers are missing, and
+    why.
 
-    A series starts with its state of the least number, which all others in which something is dug are compared with.
+    A series starts with its state of the least number. All states in which something is dug are compared with it.
     """
     dug = [fact for fact in facts if fact.get("excavation")]
     series: dict[str, list[_Entry]] = {}
@@ -88,7 +89,7 @@ def _progress(states: Sequence[_Entry], label: str, rows: Sequence[_Entry], dug:
 
 
 def _step(first: _Entry, state: _Entry, own: Mapping[str, _Entry], out: Path, disc_m: float) -> dict[str, Any]:
-    """What a method finds of a state; ``missing`` is why there is no volume, or empty."""
+    """A method's result for a state; ``missing`` is the reason for a missing volume, or empty."""
     true = _left_region_m3(state) - _left_region_m3(first)
     step: dict[str, Any] = {"pair": state["pair"], "state": int(state["excavation"]["state"]), "true_m3": true,
                             **dict.fromkeys(("found_m3", "error_m3", "depth_m", "known", "level_m", "noticed",
@@ -118,10 +119,10 @@ def _detected(own: Mapping[str, _Entry], first: _Entry, state: _Entry, out: Path
 
 def _noise(states: Sequence[_Entry], dug: Sequence[_Entry], own: Mapping[str, _Entry],
            out: Path) -> tuple[Noise | None, str]:
-    """What null pairs tell of a volume over the region that is dug, or why they tell nothing.
+    """The noise of a volume over the region that is dug, by null pairs; or None, and the reason in words.
 
-    They are the pairs of this site in which nothing had been dug. Those of other cells cannot be compared, so the
-    largest group with the same ones is.
+    Null pairs are the pairs of this site in which nothing had been dug. Only pairs with the same cells can be
+    compared, so the largest group of them is used.
     """
     groups: list[list[_Entry]] = []
     for fact in dug:
@@ -152,7 +153,7 @@ def _same_cells(one: _Entry, other: _Entry) -> bool:
 
 
 def _left_region_m3(state: _Entry) -> float:
-    """By how much the volume under the surface of the region has fallen: not what was dug, as spoil slides in."""
+    """Decrease of the volume under the surface of the region, m3; not the volume dug, as spoil slides in."""
     return -float(state["excavation"]["change_in_region_by_state_m3"][-1])
 
 

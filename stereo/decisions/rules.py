@@ -1,4 +1,4 @@
-"""The rules of safe sites and of landing pads: shipped ones with their sources, or those of a user's TOML file."""
+"""The rules of safe sites and of landing pads: shipped with their sources, or from a user's TOML file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class SiteRules:
     disc_m: float
     slope_deg: float  # at most, of the plane under the disc
     roughness_m: float  # at most, root mean square distance from that plane
-    rock_height_m: float  # what stands higher above the ground around it is a rock
+    rock_height_m: float  # anything that stands higher above the ground around it is a rock
     rock_distance_m: float  # at least, to a rock
     joint_margin_deg: float  # at least, of every joint of the arm to its limit
     lit_share: float  # at least, of the disc
@@ -33,7 +33,7 @@ class SiteRules:
 
 @dataclass(frozen=True)
 class PadRules:
-    """Limits of a place for a landing pad; what stands higher than ``rock_height_m`` under it is too high."""
+    """Limits of a place for a landing pad; anything under it that stands higher than ``rock_height_m`` is too high."""
 
     disc_m: float
     slope_deg: float
@@ -58,7 +58,7 @@ _SHARES = ("lit_share", "known_share", "lit_level")
 
 
 def read_rules(path: Path | None = None) -> Rules:
-    """The shipped rules, with those of a TOML file in their place. Raises IcyMoonError for one that is none."""
+    """The shipped rules, overridden by the rules of a TOML file. Raises IcyMoonError if the file is invalid."""
     tables = _read(SHIPPED)
     if path is not None:
         for part, own in _read(path).items():

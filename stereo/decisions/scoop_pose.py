@@ -19,22 +19,23 @@ import numpy as np
 
 from ...physics.arm.kinematics import pose, turn
 
-#: Most steps, and the turn (rad) and shift (m) below which no further one is made.
+#: Maximum number of steps; the turn (rad) and shift (m) below which the steps end.
 _STEPS, _STILL = 40, 1e-6
-#: Points further than so many medians from the surface are outliers, but none that is this near, m.
+#: A point is an outlier if its distance from the surface exceeds the first number times the median distance and the
+#: second number, m.
 _OUTLIER, _NEAR_M = 2.5, 1e-3
-#: How far a pose is off before anything is seen, standard deviations in rad and m: four degrees in a joint 2 m away.
+#: Errors of a pose before anything is seen, standard deviations in rad and m: four degrees in a joint 2 m away.
 _TURN, _SHIFT_M = math.radians(4.0), 0.12
-#: Points that are off together: a window of 5 x 5 pixels; and the least noise of a point, m.
+#: Number of points with a common error: a window of 5 x 5 pixels; and the least noise of a point, m.
 _TOGETHER, _NOISE_M = 25, 2e-4
 #: Fewest points for a pose: a scoop of 10 x 8 cm has some 190 pixels in the paper's camera, and half of them are seen.
 FEWEST_POINTS = 40
 #: Most points that are matched: more cost time and change little.
 _MOST_POINTS = 500
-#: Turns (degrees, either way about each axis) of the other starts, points and steps that compare them, and what a start
-#: must lower the misfit of the commanded one to.
+#: Turns (degrees, either way about each axis) of the other starts; numbers of points and steps that compare the starts;
+#: and the largest misfit of a better start, as a share of the misfit from the commanded pose.
 _TURN_DEG, _FEW_POINTS, _FEW_STEPS, _BETTER = 15.0, 150, 15, 0.5
-#: Distances count to so far in a misfit, m: points of what is not the link are far from all poses.
+#: Largest distance that counts in a misfit, m: points that are not on the link are far from all poses.
 _FAR_M = 0.02
 
 
@@ -92,7 +93,8 @@ def _best_start(surface: np.ndarray, points: np.ndarray) -> np.ndarray:
 
 
 def _drawn(surface: np.ndarray, points: np.ndarray, motion: np.ndarray, steps: int) -> tuple[np.ndarray, float]:
-    """The motion (4, 4) after so many steps at most that draw a surface (n, 6) to points (m, 3), and what is left."""
+    """The motion (4, 4) after at most ``steps`` steps that draw a surface (n, 6) to points (m, 3), and the points'
+    distance from it, RMS."""
     left = math.inf
     for _ in range(steps):
         step, left = _step(_transformed(surface, motion), points, motion)
@@ -103,7 +105,7 @@ def _drawn(surface: np.ndarray, points: np.ndarray, motion: np.ndarray, steps: i
 
 
 def _misfit(surface: np.ndarray, points: np.ndarray) -> float:
-    """How far points (m, 3) are from a surface (n, 6), RMS in m, none of them counting as farther than ``_FAR_M``."""
+    """Distance of points (m, 3) from a surface (n, 6), RMS in m, each limited to ``_FAR_M``."""
     place = surface[:, :3]
     squared = (place ** 2).sum(axis=1) - 2 * points @ place.T
     apart = squared.min(axis=1) + (points ** 2).sum(axis=1)
@@ -149,7 +151,7 @@ def _facing(cloud: np.ndarray, eye: np.ndarray) -> np.ndarray:
 
 
 def pose_error(found: np.ndarray, true: np.ndarray, point: np.ndarray) -> tuple[float, float]:
-    """How far a pose (4, 4) is from the true one: mm at a ``point`` (3,) of the link's frame, and degrees."""
+    """Error of a pose (4, 4) against the true one: mm at a ``point`` (3,) of the link's frame, and degrees."""
     apart = (found[:3, :3] - true[:3, :3]) @ point + found[:3, 3] - true[:3, 3]
     apart_by = found[:3, :3] @ true[:3, :3].T
     # By the sine too: the arc cosine of a small angle loses half its digits.

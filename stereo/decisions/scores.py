@@ -1,4 +1,4 @@
-"""A map of decisions against the truth's: what is right, what is dangerous, and what it costs.
+"""A map of decisions against the truth's: its correct and its dangerous decisions, and their cost.
 
 Cells of one map are not independent: intervals are over scenes, see ``report.scene_intervals``.
 """
@@ -19,16 +19,17 @@ NUMBERS = ("base_rate", "taken", "precision", "recall", "average_precision", "ro
 
 
 def score_sites(found: Sites, truth: Sites, among: np.ndarray) -> dict[str, Any]:
-    """How a suitability map compares with the true one over the cells ``among``; None where a number is undefined.
+    """Scores of a suitability map against the true one over the cells ``among``; None where a number is undefined.
 
-    * ``base_rate``: the share of cells that are safe, which is the average precision of a coin.
-    * ``taken``: the share that is taken for safe; ``precision``: of these, the share that is safe; ``false_safe``: of
-      these, the share that is not; ``recall``: of the safe cells, the share taken; ``safe_lost``: the rest of them.
+    * ``base_rate``: share of safe cells, which is the average precision of a coin.
+    * ``taken``: share of cells taken for safe. Of the taken cells, ``precision`` is the share of safe ones and
+      ``false_safe`` the rest. Of the safe cells, ``recall`` is the share of taken ones and ``safe_lost`` the rest.
     * ``average_precision`` and ``roc_area``, of the margin as a score; ``roc``: the share of safe cells taken at the
       shares ``ROC_AT`` of unsafe ones.
-    * ``regret``: the margin of the best true site less that of the site that would be chosen, 1 if that is unsafe;
-      ``unsafe_choice``: 1 if it is, else 0; ``no_site``: 1 if none is chosen although there is one, else 0.
-    * ``cells``: of all, of the safe, of the taken, of both.
+    * ``regret``: true margin of the best site minus true margin of the chosen site; 1 if the chosen site is unsafe.
+    * ``unsafe_choice``: 1 if the chosen site is unsafe, else 0; ``no_site``: 1 if no site is chosen although the truth
+      has a safe one, else 0.
+    * ``cells``: numbers of all cells, of the safe, of the taken, and of the safe and taken ones.
     """
     safe, taken, margin = truth.safe[among], found.safe[among], found.margin[among]
     both = int((safe & taken).sum())

@@ -1,7 +1,7 @@
 """Where it is safe to sample, by stated rules, from the heights of a workspace.
 
-The truth's map and a matcher's are made by the same function from the same rules; only what is known differs. What is
-unknown is unsafe.
+The truth's map and a matcher's are made by the same function from the same rules; only the known heights differ.
+Unknown ground is unsafe.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from .rules import SiteRules
 #: The rules in the order in which they are asked: the code of a cell is 1 + the number of the first that fails it.
 RULES = ("known", "slope", "roughness", "rocks", "reach", "light")
 SAFE = 0
-#: How wide the ground around a rock is that its height is measured from, as a multiple of the footprint.
+#: Width of the ground around a rock from which its height is measured, as a multiple of the footprint.
 _AROUND = 2.0
-#: How often the ground around is fitted anew without what stands above it.
+#: Number of fits of the ground around, each without the rocks of the last one.
 _FITS = 3
 
 
 @dataclass(frozen=True)
 class Layers:
-    """What the rules ask for, arrays (rows, columns), NaN where it is not known."""
+    """The quantities that the rules limit, arrays (rows, columns), NaN where unknown."""
 
     known_share: np.ndarray
     slope_deg: np.ndarray
@@ -68,8 +68,9 @@ def measure_layers(dem: Dem, joint_margin_deg: np.ndarray, lit: np.ndarray, rule
                    rocks: np.ndarray | None = None) -> Layers:
     """The layers of an elevation model.
 
-    ``lit`` (rows, columns) is the share of each cell that is in light, NaN where it is not known; ``joint_margin_deg``
-    that of the arm with its scoop there, NaN out of reach. ``rocks`` is where there is one, if that is known.
+    ``lit`` (rows, columns) is the share of each cell that is in light, NaN where unknown. ``joint_margin_deg`` is the
+    joint margin of the arm with its scoop at the cell, NaN out of reach. ``rocks`` is true in cells with a rock; if it
+    is None, rocks are found in the heights.
     """
     cell = dem.grid.cell_m
     planes = fit_planes(dem.height_m, cell, rules.disc_m)
@@ -134,7 +135,7 @@ def cast_light(height_m: np.ndarray, cell_m: float, toward_sun: np.ndarray) -> n
 
 
 def _shifted(values: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """For each cell the value of the one so many rows and columns on; minus infinity beyond the border."""
+    """For each cell the value of the cell ``rows`` and ``columns`` further on; minus infinity beyond the border."""
     result = np.full(values.shape, -np.inf)
     height, width = values.shape
     if abs(rows) < height and abs(columns) < width:

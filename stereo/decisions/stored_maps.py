@@ -14,9 +14,9 @@ from ...errors import IcyMoonError
 from ...file_shapes import COUNT, FILE_NAME, FLAG, NUMBER, POSITIVE, TEXT, Each, Maybe, read_record
 from .dem import Grid, read_cells
 
-#: What a map shows: the margin of a site, the slope under its disc, and how much too high the elevation model is.
+#: Kinds of maps: the margin of a site, the slope under its disc, and the height error of the elevation model.
 SUITABILITY, SLOPE, HEIGHT_ERROR = "SUITABILITY", "SLOPE", "HEIGHT_ERROR"
-#: The row of the truth's own depth: what the rules, the cells and unseen ground alone cost.
+#: The row of the true depth, which shows the cost of the rules, the cells and unseen ground alone.
 TRUE_DEPTH = "true depth"
 _FIX = "press Decide Where to Dig again"
 _REPORT = {"rules": {"site": {"slope_deg": POSITIVE, "disc_m": POSITIVE}},
@@ -30,7 +30,7 @@ _MOST_BYTES, _MOST_CELLS = 2**27, 4096
 
 @dataclass(frozen=True)
 class StoredMap:
-    """A map (rows, columns) of one matcher on one pair, NaN where it is not known, and what goes with it."""
+    """A map (rows, columns) of one matcher on one pair, NaN where unknown, and the facts about it."""
 
     kind: str  # SUITABILITY, SLOPE or HEIGHT_ERROR
     grid: Grid
@@ -43,7 +43,7 @@ class StoredMap:
 
 
 def methods_of(folder: Path) -> list[str]:
-    """The labels of the matchers that a folder has decisions of, that of the true depth last; empty without any."""
+    """Labels of the matchers with decisions in a folder, the label of the true depth last; empty without any."""
     try:
         rows = _read_report(folder)["rows"]
     except IcyMoonError:

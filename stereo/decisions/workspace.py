@@ -37,7 +37,7 @@ _WHOLE = 1 - 1e-6
 
 @dataclass(frozen=True)
 class Maps:
-    """What one depth gives: its elevation model, the suitability of each cell, and where a pad would stand."""
+    """The maps from one depth: elevation model, suitability of each cell, and places where a pad would stand."""
 
     dem: Dem
     sites: Sites
@@ -46,16 +46,16 @@ class Maps:
 
 @dataclass(frozen=True)
 class Workspace:
-    """The workspace of a prepared pair, with what the truth decides."""
+    """The workspace of a prepared pair, with the decisions from the truth."""
 
     prepared: Prepared
     pair: Pair
     pose: np.ndarray  # (4, 4), from the left eye of the parallel rig to the site
     rules: Rules
-    exact: bool  # the true heights are of the meshes; otherwise of the true depth of both eyes
-    seen: np.ndarray  # boolean (rows, columns): a pixel of the left image is of this cell
-    inside: np.ndarray  # boolean: the whole footprint of a site is
-    reached: np.ndarray  # boolean: it is, and the arm gets there
+    exact: bool  # the true heights come from the meshes; otherwise from the true depth of both eyes
+    seen: np.ndarray  # boolean (rows, columns): a pixel of the left image lies in this cell
+    inside: np.ndarray  # boolean: the whole footprint of a site lies in the workspace
+    reached: np.ndarray  # boolean: inside, and the arm reaches the cell within its joint limits
     truth: Maps
 
     @property
@@ -104,9 +104,9 @@ def toward_sun(pair: Pair) -> np.ndarray:
 
 
 def decide(workspace: Workspace, depth_m: np.ndarray, pose: np.ndarray | None = None) -> Maps:
-    """What a planar depth (H, W) of the left image, NaN where it is not known, gives.
+    """The maps from a planar depth (H, W) of the left image, NaN where unknown.
 
-    ``pose`` is where the lander takes its left eye to be; by default where it is.
+    ``pose`` is the pose that the lander assumes for its left eye; by default the true one.
     """
     pose = workspace.pose if pose is None else pose
     ground = np.where(_is_apart_from_lander(workspace.prepared), depth_m, np.nan)
@@ -139,7 +139,7 @@ def compare(workspace: Workspace, found: Maps) -> dict[str, Any]:
 
 def compare_beside_lander(workspace: Workspace, found: Maps, depth_m: np.ndarray,
                           pose: np.ndarray) -> dict[str, float | None]:
-    """What leaving out the pixels beside the lander does, over the seen cells in reach.
+    """The effect of leaving out the pixels beside the lander, over the seen cells in reach.
 
     ``beside_rmse_m``: of the heights that these pixels alone give; ``beside_bias_m`` of them; ``beside_share``: the
     share of the cells that only they know.
@@ -194,7 +194,7 @@ def _is_ground(prepared: Prepared) -> np.ndarray:
 
 
 def _is_apart_from_lander(prepared: Prepared) -> np.ndarray:
-    """Ground (H, W) of which a matcher's window sees no lander: a lander knows where its own arm is."""
+    """Ground (H, W) around which a matcher's window sees no lander: a lander knows where its arm is."""
     lander = (~_is_ground(prepared)).astype(np.uint8)
     side = 2 * _SMEARED_PX + 1
     return np.asarray(cv2.dilate(lander, np.ones((side, side), np.uint8)) == 0)
@@ -210,7 +210,7 @@ def _lit_pixels(workspace: Workspace) -> np.ndarray:
 
 
 def _read_heights(pair: Pair, stated: Mapping[str, Any]) -> np.ndarray:
-    """The true heights, float64 (2, rows, columns). Raises IcyMoonError if the file is none of ours."""
+    """The true heights, float64 (2, rows, columns). Raises IcyMoonError if the file is missing, damaged or another."""
     return read_cells(pair.folder / stated["file"], (2, *stated["shape"]), "render the pair again")
 
 
@@ -223,7 +223,7 @@ def _points_of_right_eye(pair: Pair) -> np.ndarray:
 
 
 def _grid_ahead(pair: Pair, points: np.ndarray, cell_m: float) -> Grid:
-    """Cells around the middle of what the left image shows, as large as a workspace is by default."""
+    """Cells around the middle of the ground that the left image shows, as large as the settings' workspace."""
     workspace = pair.settings.workspace
     size = workspace.size_m
     count = max(1, math.ceil(size / cell_m - 1e-6))

@@ -9,17 +9,17 @@ from ... import system
 from ...support.printer import emit
 from ...version import ROOT
 
-#: What is installed: one version of each package. pip checks the hash of each wheel before it unpacks the wheel.
+#: The packages to install, one version of each. pip checks the hash of each wheel before it unpacks the wheel.
 LOCK = Path(__file__).with_name("evaluator.lock")
 
-#: Disk space of what is installed, measured on Linux with Python 3.11.
+#: Disk space of the installed packages, measured on Linux with Python 3.11.
 DISK_MB = 390
 
-#: The command that checks whether a Python has what the evaluator needs.
+#: The command that checks whether a Python has the packages of the evaluator.
 _CHECK = (str(ROOT / "__main__.py"), "stereo", "check")
 #: A file of this name lies in an environment until it is complete.
 _UNFINISHED = "unfinished"
-#: Words in the output of pip, and what they mean for the user; if none fits, the last line of the output is reported.
+#: Words in the output of pip, and the message for the user; if none fits, the last line of the output is reported.
 _REASONS = (("CERTIFICATE_VERIFY_FAILED", "the server's certificate is not trusted here, as behind a proxy that reads "
              "what is sent; give pip the proxy's certificate (PIP_CERT=file.pem) and press Install again."),
             ("ProxyError", "the proxy did not answer; check the proxy of this system and press Install again."),
@@ -35,10 +35,10 @@ _REASONS = (("CERTIFICATE_VERIFY_FAILED", "the server's certificate is not trust
 
 
 def main(arguments: list[str]) -> int:
-    """Make a virtual environment with what the evaluator needs, in the folder that is the one argument.
+    """Make a virtual environment with the packages of the evaluator, in the folder that is the only argument.
 
-    Prints its progress as JSON messages. If it fails or is stopped, it removes a folder that it has made itself. A
-    process that is killed leaves an unfinished folder, see ``is_unfinished``.
+    Prints its progress as JSON messages. If it fails or is stopped, it removes the folder if it made it. A process that
+    is killed leaves an unfinished folder, see ``is_unfinished``.
     """
     (folder,) = arguments
     new, made = not Path(folder).exists() or is_unfinished(Path(folder)), False
@@ -62,7 +62,7 @@ def is_unfinished(folder: Path) -> bool:
 def _make_environment(folder: str) -> bool:
     """Make the environment; after an error, which is reported as a message, return False."""
     python = system.venv_python(Path(folder))
-    # -I: no module in the current folder, which may be that of any .blend file, is taken for venv or pip.
+    # -I: Python then ignores a venv or pip in the current folder, which may belong to any .blend file.
     steps = (("Making the environment", [sys.executable, "-I", "-m", "venv", folder]),
              ("Downloading and installing packages",
               [str(python), "-I", "-m", "pip", "install", "--disable-pip-version-check", "--require-hashes",

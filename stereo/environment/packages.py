@@ -26,7 +26,7 @@ PACKAGES = {"numpy": ("numpy", (1, 26), 3), "cv2": ("opencv-contrib-python-headl
 
 
 def check_packages() -> dict[str, Any]:
-    """Check all packages: the versions, whether all is ``ok``, what is ``missing``, and a ``message`` with the fix."""
+    """Check all packages: the versions, whether all is ``ok``, the ``missing`` ones, and a ``message`` with the fix."""
     missing = [problem for _, problem in map(_import_package, PACKAGES) if problem]
     if sys.version_info < PYTHON:
         missing.insert(0, f"Python {'.'.join(map(str, PYTHON))} or newer")
@@ -45,7 +45,7 @@ def find_versions() -> dict[str, str | None]:
 
 
 def is_in_blender() -> bool:
-    """Whether this process is a Blender program, in which the package OpenEXR crashes; Blender as a module is none."""
+    """Whether this process is the Blender program, in which OpenEXR crashes; False for Blender as a module."""
     app = getattr(sys.modules.get("bpy"), "app", None)
     return app is not None and not getattr(app, "module", not app.binary_path)
 
@@ -67,7 +67,7 @@ def requirement(module: str) -> str:
 
 
 def _import_package(module: str) -> tuple[str | None, str]:
-    """Import a module: its version or None, and what is wrong with it or nothing."""
+    """Import a module: its version or None, and its problem in words, empty if there is no problem."""
     distribution, oldest, untested = PACKAGES[module]
     try:
         # A package that misses another one may print many lines about it.

@@ -102,7 +102,7 @@ def write_bop(each: Each, out: Path) -> None:
 
 
 def _write_image(pair: Loaded, eye: str, folder: Path, image: int) -> list[Loss]:
-    """Write the image and the depth of an eye; what is lost of the depth."""
+    """Write the image and the depth of an eye; return the losses of the depth."""
     shown = to_8_bit(pair.images.for_files(eye), pair.images.bits, pair.images.encoding)
     write_png(folder / "rgb" / f"{image:06d}.png", shown if shown.ndim == 3 else np.repeat(shown[..., None], 3, axis=2))
     steps, losses = in_steps(pair.depth[eye], MILLIMETRES / DEPTH_SCALE, "depth", "m")

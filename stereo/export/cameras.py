@@ -23,7 +23,7 @@ from .losses import Each
 
 #: The coordinate system of the poses, for labels.
 FRAME = "ICYMOON_SITE_EAST_NORTH_UP"
-#: About so many points of each pair are in a model of COLMAP.
+#: Approximate number of points of each pair in a model of COLMAP.
 _POINTS = 2000
 
 
@@ -44,11 +44,11 @@ def rays_of(camera: StereoCamera) -> np.ndarray:
 
 
 def write_cahvor(pair: Loaded, out: Path) -> None:
-    """Write the rectified images of a pair with their CAHV models, and those of the sensors with their CAHVOR models.
+    """Write the rectified images of a pair with CAHV models, and the images of the sensors with CAHVOR models.
 
     In ``<out>/<pair>/`` are ``left.png``, ``left.cahvor`` and a PDS3 label, ``left.lbl``; with a lens that distorts or
     eyes that are toed in also ``left_sensor.png`` and so on. World axes are east, north, up, in metres. Raises
-    IcyMoonError if the lens has no equal in CAHVOR.
+    IcyMoonError if the lens cannot be represented in CAHVOR.
     """
     folder, camera = out / pair.pair.folder.name, pair.pair.camera
     k, images = coefficients(pair.settings.rig), pair.images
@@ -75,7 +75,7 @@ def _centre_matrix(camera: StereoCamera) -> np.ndarray:
 
 @dataclass
 class _Model:
-    """What a scene's model of COLMAP contains so far."""
+    """The content of a scene's COLMAP model so far."""
 
     cameras: dict[str, int] = field(default_factory=dict)  # lines without their number
     images: list[str] = field(default_factory=list)
@@ -88,7 +88,7 @@ def write_colmap(each: Each, out: Path) -> None:
     ``images.txt`` and ``points3D.txt``, and ``scene-0000/transforms.json`` of nerfstudio.
 
     Pairs of the same ground, surface and light are one scene. Images are rectified; both programs count pixels from the
-    corner of the first one, as we do. Points are those of the true depth that both eyes see.
+    corner of the first one, as we do. Points come from the true depth and are seen by both eyes.
     """
     models: dict[str, _Model] = {}
 
@@ -153,7 +153,7 @@ def _chosen(pair: Loaded) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _points(pair: Loaded, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """World coordinates (n, 3) in metres of what left pixels see."""
+    """World coordinates (n, 3) in metres of the points that left pixels see."""
     pose = pose_of(pair, "left")
     eye = rays_of(pair.pair.camera)[rows, columns] * pair.depth["left"][rows, columns, None]
     return eye @ pose[:3, :3].T + pose[:3, 3]

@@ -27,7 +27,7 @@ def write_pfm(path: Path, values: np.ndarray) -> None:
 
 
 def in_steps(values: np.ndarray, scale: float, what: str, unit: str) -> tuple[np.ndarray, list[Loss]]:
-    """``values`` (H, W) times ``scale`` as uint16, 0 where undefined, and what is lost: what is outside of 1 / scale to
+    """``values`` (H, W) times ``scale`` as uint16, 0 where undefined, and the loss: values outside of 1 / scale to
     65535 / scale."""
     with np.errstate(invalid="ignore", over="ignore"):
         steps = np.rint(values * scale)

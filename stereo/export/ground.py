@@ -6,9 +6,9 @@ A pair contains no ground, so Blender builds it again from the settings of the p
 * ``dem``: ``dem.tif``, ``dsm.tif`` and ``albedo.tif``, GeoTIFF, see ``render.ground_maps``;
 * ``ply``: ``terrain.ply``, ``rock.ply``; ``obj``, ``usd``: ``ground.obj``, ``ground.usd``, with z up; ``gltf``:
   ``ground.glb``, with y up;
-* ``geometry.json``: frame, units, cells, and what the files lack; ``pairs`` lists the pairs that show this ground.
+* ``geometry.json``: frame, units, cells, and the files' omissions; ``pairs`` lists the pairs that show this ground.
 
-Pairs that show the same are written once, in the folder of the first.
+Pairs that show the same ground are written once, in the folder of the first pair.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def export_ground(pairs: Sequence[Pair], out: Path, kind: str, blender: str, cel
     """Write the ground of pairs, ``kind`` one of ``FORMATS``, and return the folders.
 
     ``cell_m`` is the size of the cells of ``dem``, by default a 1024th of the ground. Raises IcyMoonError for a pair
-    that was edited by hand, for a size that is none, and if Blender fails.
+    that was edited by hand, for an invalid size, and if Blender fails.
     """
     for pair in pairs:
         refuse_edited(pair)
@@ -66,7 +66,7 @@ def write_grounds(planned: Sequence[PlannedPair], out: Path, kind: str, blender:
 
 
 def read_geometry(folder: Path) -> dict[str, Any]:
-    """What ``geometry.json`` of an exported ground contains; ``left_out`` are sentences on what its files lack.
+    """The content of an exported ground's ``geometry.json``; ``left_out`` are sentences on the omissions of its files.
 
     Raises IcyMoonError if it is missing or damaged.
     """
@@ -78,7 +78,7 @@ def read_geometry(folder: Path) -> dict[str, Any]:
 
 
 def _key(settings: Settings, kind: str) -> str:
-    """A text that is equal for pairs whose files are: maps have albedo, and no lander."""
+    """A text that is equal for pairs with equal files: maps have albedo, and no lander."""
     shown = kind == "dem" or any(settings[topic]["relief"] != "BUMP" and settings[topic]["grain_amplitude_m"] > 0
                                  for topic in surface_topics(settings))
     return json.dumps([changes.scene(settings), changes.materials(settings) if shown else None,
@@ -93,9 +93,9 @@ def refuse_edited(pair: Pair) -> None:
 
 
 def build_geometry(planned: Sequence[PlannedPair], out: Path, blender: str, hear: Hear, *arguments: str) -> None:
-    """Let Blender write the ground of pairs to ``<out>/<pair>/``. Raises IcyMoonError with its own sentence.
+    """Let Blender write the ground of pairs to ``<out>/<pair>/``. Raises IcyMoonError with Blender's message.
 
-    ``arguments`` are those of ``render.geometry_worker`` after the folder.
+    ``arguments`` are the arguments of ``render.geometry_worker`` after the folder.
     """
     failure = ""
     with scratch_folder() as scratch:

@@ -218,8 +218,8 @@ def _write_pfm(pair: Loaded, out: Path) -> None:
 
 
 def _write_kitti(each: Each, out: Path) -> None:
-    """``disp_occ_0`` has all true disparities of the left eye, ``disp_noc_0`` those of points that the right eye sees
-    too."""
+    """``disp_occ_0`` has all true disparities of the left eye, ``disp_noc_0`` only the ones of points that the right
+    eye sees too."""
     root = out / "training"
     numbers = [("number", "pair")]
 
@@ -315,8 +315,8 @@ def _write_coco(each: Each, out: Path) -> None:
 def coco_annotations(instance: np.ndarray | None, semantic: np.ndarray | None) -> Iterator[dict[str, Any]]:
     """COCO annotations of the THINGS in an image: mask as run lengths, box (x, y, width, height) and area.
 
-    ``instance`` and ``semantic`` are labels (H, W). The category is that of most pixels of the instance. ``label`` is
-    the number of the instance, the same in both eyes and in every pair of the scene.
+    ``instance`` and ``semantic`` are labels (H, W). The category is the most frequent one among the instance's pixels.
+    ``label`` is the number of the instance, the same in both eyes and in every pair of the scene.
     """
     if instance is None or semantic is None:
         return

@@ -9,7 +9,7 @@ from ...errors import IcyMoonError
 from ...number_text import count_of
 from ..measure.prepare import Loaded
 
-#: A pair is not written if more of its true disparities than this share would be lost: what is left is not its truth.
+#: A pair is not written if more of its true disparities than this share would be lost: the rest is not its truth.
 MOST_LOST = 0.5
 #: Formats that hold every number of a map.
 _WHOLE = {"disparity": "pfm and middlebury", "depth": "pfm and raw"}
@@ -17,14 +17,14 @@ _WHOLE = {"disparity": "pfm and middlebury", "depth": "pfm and raw"}
 
 @dataclass(frozen=True)
 class Loss:
-    """What a format cannot hold of a map: the ``share`` of its known pixels, and ``why``, the end of a sentence."""
+    """The part of a map that a format cannot hold: ``share`` of its known pixels, and ``why``, a sentence's end."""
 
     what: str  # "disparity" or "depth"
     share: float
     why: str
 
 
-#: Writes a pair and gives what is lost; calls such a function with each pair.
+#: ``Write`` writes a pair and returns its losses; ``Each`` calls such a function with each pair.
 Write = Callable[[Loaded], Sequence[Loss] | None]
 Each = Callable[[Write], None]
 
@@ -39,7 +39,7 @@ def refuse_losses(pair: Loaded, losses: Sequence[Loss]) -> None:
 
 @dataclass
 class Losses:
-    """What was lost in the pairs that were written."""
+    """The losses in the pairs that were written."""
 
     _found: dict[tuple[str, str], list[tuple[float, str]]] = field(default_factory=dict)
 

@@ -1,12 +1,12 @@
 """The export ``mitsuba``: the scene of a pair for the renderer Mitsuba 3.
 
 ``<out>/<pair>/`` gets ``scene_left.xml`` and ``scene_right.xml``, which Mitsuba loads as they are, PLY files of the
-evaluated ground and rocks, ``planet.pfm`` if a planet gives light, ``mitsuba_hapke.py`` for Hapke's law, that and
-``mitsuba_snow.py`` for the law of snow, and ``export.json``, which lists what the scene lacks.
+evaluated ground and rocks, ``planet.pfm`` if a planet gives light, ``mitsuba_hapke.py`` for Hapke's law,
+``mitsuba_hapke.py`` and ``mitsuba_snow.py`` for the law of snow, and ``export.json``, which lists the omissions.
 
 The scene is built again from the settings of the pair, in Blender, to get its meshes. It has the camera of each eye,
-the Sun's disc as a far disk, the planet's light as a map of the sky, and Lambert's law, Hapke's or that of snow. The
-film has a Gaussian filter that is as wide as that of Cycles here. Radiance has the unit of the pair, W/(m² sr).
+the Sun's disc as a far disk, the planet's light as a map of the sky, and Lambert's law, Hapke's or the law of snow. The
+film has a Gaussian filter, as wide as the filter of Cycles here. Radiance has the unit of the pair, W/(m² sr).
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from ...version import ROOT
 from .encodings import write_pfm
 from .ground import build_geometry, refuse_edited
 
-#: Distance of the Sun's disk in metres, from where all of a ground sees it in the same direction.
+#: Distance of the Sun's disk in metres: far enough to lie in the same direction from all of a ground.
 _SUN_M = 1e9
 #: Rows of the map of the sky: 0.1 degrees, a three-hundredth of Saturn's disc.
 _SKY_ROWS = 1800
-#: Standard deviation of the filter in pixels: that of a Blackman-Harris window of 3 pixels, from one end to the other.
-#: ``cycles.filter_width`` is 1.5 and half of that, since Cycles doubles the width of this window.
+#: Standard deviation of the filter in pixels, taken from a Blackman-Harris window that is 3 pixels wide in all.
+#: ``cycles.filter_width`` is 1.5, half of its width, since Cycles doubles the width of this window.
 _FILTER_PX = 0.4155
 #: Depth without Russian roulette, which would only add noise.
 _ALWAYS = 1000
@@ -99,7 +99,7 @@ def write_scene(pair: Pair, folder: Path) -> Path:
 
 
 def find_left_out(settings: Settings, shown: Sky) -> list[str]:
-    """What of a pair the export lacks, a sentence each."""
+    """The parts of a pair that the export lacks, a sentence each."""
     found = []
     for topic in ("surface", "rock_surface") if settings.rocks.own_surface else ("surface",):
         surface = settings[topic]
@@ -139,7 +139,7 @@ def _surface(settings: Settings, kind: str) -> Plugin:
 
 
 def _camera(pair: Pair, eye: str) -> Plugin:
-    """Mitsuba's camera looks along z with x to the left and y up; that of a pair has x to the right and y down."""
+    """Mitsuba's camera looks along z with x to the left and y up; a pair's camera has x to the right and y down."""
     camera = pair.camera
     pose = np.array(pair.data["poses_camera_to_world"][eye]) @ np.diag([-1.0, -1.0, 1.0, 1.0])
     return {"type": "perspective", "fov_axis": "x",
@@ -184,8 +184,8 @@ _SKY_TO_WORLD = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0
 def _sky_map(seen: VisibleCap) -> np.ndarray:
     """Radiance (rows, 2 rows, 3) of the planet by direction, as Mitsuba's ``envmap`` reads it; 0 below the horizon."""
     rows = _SKY_ROWS
-    # Mitsuba: u = atan2(x, -z) / 2π over the columns, v = acos(y) / π from the middle of the first row to that of the
-    # last.
+    # Mitsuba: u = atan2(x, -z) / 2π over the columns, v = acos(y) / π from the middle of the first row to the middle of
+    # the last.
     polar = np.arange(rows) / (rows - 1) * math.pi
     around = (np.arange(2 * rows) + 0.5) / rows * math.pi
     x, z = np.sin(around) * np.sin(polar)[:, None], -np.cos(around) * np.sin(polar)[:, None]

@@ -23,8 +23,8 @@ INDEX = "index.parquet"
 
 
 def write_parquet_index(each: Each, out: Path) -> None:
-    """Write ``index.parquet``: the columns of ``index.csv`` of the other exports, ``folder`` (the pair's, from that of
-    the index), the principal point, and as ``topic.key`` each setting that is not the same in all pairs.
+    """Write ``index.parquet``: the columns of ``index.csv`` of the other exports, ``folder`` (the pair's path, relative
+    to the index), the principal point, and as ``topic.key`` each setting that differs between the pairs.
 
     Raises IcyMoonError without the package pyarrow.
     """

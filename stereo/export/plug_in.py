@@ -23,13 +23,13 @@ def find_plugins() -> Found:
 
 @dataclass(frozen=True)
 class ExportedPair:
-    """What an export of a plug-in gets of a pair; arrays are (H, W) of the rectified eyes.
+    """The data of a pair for an export of a plug-in; arrays are (H, W) of the rectified eyes.
 
     ``left`` and ``right`` are uint16 numbers of ``bits`` bits, (H, W), or R, G, B (H, W, 3) of a colour camera.
-    ``radiance_left`` and ``radiance_right`` are what was rendered, float32 (H, W, 3), W/(m² sr). Depths (planar) and
-    disparities are float64, NaN for sky. ``visible_left`` is true where the right eye sees the point too.
-    ``semantic_left`` and ``instance_left`` are labels, None where the pair has none. The principal point counts from
-    the outer corner of the first pixel. ``settings`` are those of the pair, by topic and key.
+    ``radiance_left`` and ``radiance_right`` are the rendered radiance, float32 (H, W, 3), W/(m² sr). Depths (planar)
+    and disparities are float64, NaN for sky. ``visible_left`` is true where the right eye sees the point too.
+    ``semantic_left`` and ``instance_left`` are labels, None if the pair has no labels. The principal point counts from
+    the outer corner of the first pixel. ``settings`` are the pair's settings, by topic and key.
     """
 
     name: str

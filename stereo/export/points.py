@@ -62,14 +62,14 @@ def measured_points(prepared: Prepared, disparity: np.ndarray) -> np.ndarray:
 
 
 def missing_points(prepared: Prepared, disparity: np.ndarray) -> int:
-    """How many of the pixels that ``measured_points`` takes have a true depth and no measured one."""
+    """Number of pixels in ``measured_points``' grid that have a true depth and no measured one."""
     step = _step(disparity)
     depth, truth = (values[::step, ::step] for values in (depth_of(prepared, disparity), prepared.truth))
     return int((np.isfinite(truth) & ~np.isfinite(depth)).sum())
 
 
 def _step(disparity: np.ndarray) -> int:
-    """One in so many rows and columns is taken."""
+    """Step in rows and columns between the pixels that become points."""
     return max(1, int(np.ceil(np.sqrt(disparity.size / MOST_POINTS))))
 
 

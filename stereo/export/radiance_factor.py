@@ -27,7 +27,7 @@ from .cameras import rays_of
 
 #: Names of the bands of a pair, see ``physics.light.bands``.
 BANDS = ("R 620 nm", "G 550 nm", "B 460 nm")
-#: Between what the angles in the files are, in words.
+#: The directions between which the angles in the files lie, in words.
 _OF_FACET = "from the facet's normal to the {}"
 _GEOMETRY = "incidence and emission from the facet's normal, phase, deg"
 

@@ -47,7 +47,7 @@ def write_ros2(each: Each, out: Path) -> None:
     with explain_disk_errors("write to", part):
         part.mkdir(parents=True)
     try:
-        # In a folder of its own, since a bag has the name of its folder.
+        # In a separate folder, since a bag has the name of its folder.
         with Writer(part / bag.name, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             known: dict[str, Any] = {}
             count = 0

@@ -65,7 +65,7 @@ class _Index:
 
 
 def describe_row(pair: Loaded, split: str) -> dict[str, Any]:
-    """What an index contains of a pair, by the names of its columns."""
+    """A pair's row of an index, by the names of its columns."""
     depth, camera = pair.depth["left"], pair.pair.camera
     known = np.isfinite(depth)
     occluded = known & ~pair.visible["left"]
@@ -223,7 +223,7 @@ def write_sceneflow(each: Each, out: Path) -> None:
 
 
 def _card(index: _Index, layout: str, how: str) -> str:
-    """A data card: what the data are, where they are from, and what they are not."""
+    """A data card: the content, origin and limits of the data."""
     rows = index.rows
     splits = Counter(row["split"] for row in rows)
     scenes = {split: len({row["scene"] for row in rows if row["split"] == split}) for split in splits}

@@ -1,1 +1,1 @@
-"""The images of a pair: reading, developing, and what the truth tells about each pixel."""
+"""The images of a pair: reading, developing, and the truth of each pixel."""

@@ -1,12 +1,12 @@
 """Decoding images of others where memory and time are bounded.
 
 OpenCV and OpenEXR have had errors in their use of memory, and there are files of a few kB that keep them busy for
-minutes. So they decode what is not ours in another process, which is started for the first such image and stays: a
+minutes. So they decode images of others in another process, which is started for the first such image and stays: a
 line of JSON and a file come in, a line of JSON and the pixels go out. It may take memory and time in proportion to the
-stated size. When it crashes or takes longer, it is ended and the next image gets another. It ends when its input does,
-which it does however this process ends.
+stated size. When it crashes or takes longer, it is ended and the next image gets a new one. It ends when its input
+ends, which happens however this process ends.
 
-What comes out is of the size that this process found in the file's header, or it is refused.
+Pixels of another size than this process found in the file's header are refused.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from .image_headers import Encoded
 
 #: The largest image takes 4 s, and a machine may be busy with much else.
 _LIMIT_S = 60.0
-#: Processor time of a decoder: ten times what the slowest kind takes, 100 MB/s, and time to load the libraries.
+#: Processor time of a decoder: time to load the libraries, and ten times the time of the slowest kind, 100 MB/s.
 _CPU_S, _CPU_S_PER_BYTE = 2.0, 1e-7
 #: Its memory: the pixels, the decoder's copies of them (progressive JPEG has coefficients of two bytes), the file.
 _COPIES, _MEMORY = 3, 2**26
@@ -85,7 +85,7 @@ class _Decoder:
                                f"({error.strerror or error}); end other programs.") from None
 
     def ask(self, request: Mapping[str, Any], content: bytes, most_bytes: int) -> np.ndarray | str:
-        """The pixels, or why there are none. Raises _DiedError if it has ended, TimeoutError if it takes too long."""
+        """The pixels, or the error in words. Raises _DiedError if it has ended, TimeoutError if it takes too long."""
         answer: queue.SimpleQueue[np.ndarray | str | None] = queue.SimpleQueue()
         # A thread, since Windows has no pipe that can be waited for with a limit.
         threading.Thread(target=self._talk, args=(request, content, most_bytes, answer), daemon=True).start()
@@ -117,13 +117,13 @@ class _Decoder:
         status = self._process.poll()
         system.kill_all(self._process)
         for stream in (self._process.stdin, self._process.stdout):
-            with suppress(OSError):  # what it has not read
+            with suppress(OSError):  # input that it has not read
                 stream.close()  # type: ignore[union-attr]
         return status
 
 
 def _read_answer(stream: IO[bytes], most_bytes: int) -> np.ndarray | str:
-    """The pixels, or why there are none. Raises ValueError for any other answer."""
+    """The pixels, or the error in words. Raises ValueError for any other answer."""
     line = stream.readline(_LONGEST_LINE)
     if not line.endswith(b"\n"):
         raise ValueError("it has ended")
@@ -166,7 +166,7 @@ def _ask(request: dict[str, Any], content: bytes, most_bytes: int) -> np.ndarray
             if status is not None and system.is_ended_by_time_limit(status):
                 raise RefusedError(f"takes more than {cpu_s:.0f} s to decode; save it again, as PNG or PFM.") from None
             raise RefusedError("makes the library crash that decodes it; save it again, as PNG or PFM.") from None
-        except BaseException:  # interrupted: what it answers now would be taken for the next image
+        except BaseException:  # interrupted: its late answer would be taken for the next image
             _running.pop().end()
             raise
     if isinstance(answer, str):
@@ -176,7 +176,7 @@ def _ask(request: dict[str, Any], content: bytes, most_bytes: int) -> np.ndarray
 
 @atexit.register
 def stop_decoder() -> None:
-    """End the other process, if there is one."""
+    """End the other process, if it runs."""
     while _running:
         decoder = _running.pop()
         if decoder.owner == os.getpid():

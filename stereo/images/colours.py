@@ -90,7 +90,7 @@ def depth_scale(truth: np.ndarray) -> Scale:
 
 
 def depth_picture(depth: np.ndarray, scale: Scale) -> np.ndarray:
-    """BGR picture of planar depth (m); INVALID_GREY where there is none."""
+    """BGR picture of planar depth (m); INVALID_GREY where the depth is unknown."""
     return scale.colours(depth, {INVALID_GREY: ~np.isfinite(depth)})
 
 
@@ -111,7 +111,7 @@ _TOO_NEAR, _TOO_FAR, _RIGHT = (0x2B, 0x5F, 0xC4), (0xC4, 0x2B, 0x2B), (0xF4, 0xF
 
 def signed_colours(error_m: np.ndarray, full_m: float = ERROR.high) -> np.ndarray:
     """RGB uint8 (n, 3) of signed depth errors: blue for too near, red for too far, white below 1 cm, INVALID_GREY for
-    NaN. The scale is logarithmic, as that of the error pictures, with the full colour from ``full_m`` on."""
+    NaN. The scale is logarithmic, as in the error pictures, with the full colour from ``full_m`` on."""
     scale = replace(ERROR, high=full_m)
     amount = scale.position(np.nan_to_num(np.abs(error_m.astype(np.float64))))[:, None]
     end = np.where(np.nan_to_num(error_m)[:, None] < 0, _TOO_NEAR, _TOO_FAR)

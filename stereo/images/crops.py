@@ -1,4 +1,4 @@
-"""Images and truth of a window of a pair, of which no more is decoded than the window needs."""
+"""Images and truth of a window of a pair; no more of the pair is decoded than the window needs."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .exr import NORMAL_PASSES, OBJECT_PASSES, Light, Truth, read_light, read_tr
 from .lens import lens_of
 from .views import read_eye
 
-#: What makes a pixel depend on others, or on its place on the sensor.
+#: Settings that make a pixel depend on others, or on its place on the sensor.
 _SPREADS = ("psf_sigma_px", "veiling_glare", "deposit_share", "prnu", "dsnu_e", "blooming", "radiation_flux_cm2_s")
 
 
@@ -32,7 +32,7 @@ class Crop(NamedTuple):
 
 
 class Crops:
-    """Reads windows of pairs, and keeps what auto exposure has metered on the whole of a pair: one number each."""
+    """Reads windows of pairs, and keeps the level that auto exposure metered on each whole pair: one number."""
 
     def __init__(self) -> None:
         self._levels: dict[tuple[str, float, float, float], float] = {}
@@ -52,13 +52,13 @@ class Crops:
                                     channels.rate, settings.sensor)
         fixed = Settings(settings | {"sensor": settings.sensor | {"auto_exposure": False, "exposure_s": seconds}})
         images = develop(pair, _columns(light["left"], crop.columns), _columns(light["right"], crop.columns), fixed)
-        # What the right eye sees is needed only where no rays have found what is hidden from it.
+        # The right eye's truth is needed only if no rays have found the points that are hidden from it.
         right = left if left.hidden is not None else read_truth(pair.truth("right"), "right", _unneeded(False), rows)
         found = _truth_of(pair.camera, left, right)
         return _shown(images) | {key: value[:, crop.columns] for key, value in found.items()}
 
     def _level(self, pair: Pair, settings: Settings) -> float:
-        """What auto exposure meters on the whole left image."""
+        """The level that auto exposure meters on the whole left image."""
         scales = float(settings.light.sun_scale), float(settings.light.planet_scale)
         key = (pair.id, *scales, float(settings.sensor.auto_percentile))
         if key not in self._levels:
@@ -70,7 +70,7 @@ class Crops:
 
 def read_whole(pair: Pair, settings: Settings) -> dict[str, np.ndarray]:
     """The developed images ``left`` and ``right``, 0 to 1, (H, W) or (H, W, 3), and the truth of the left one, (H, W):
-    ``disparity_px``, 0 where there is none, ``valid`` and ``occluded``."""
+    ``disparity_px``, 0 where unknown, ``valid`` and ``occluded``."""
     light, views = zip(*(read_eye(pair, eye, _unneeded(_needs_groups(settings))) for eye in EYES), strict=True)
     return _shown(develop(pair, light[0], light[1], settings)) | _truth_of(pair.camera, *views)
 
@@ -92,7 +92,7 @@ def _is_local(pair: Pair, settings: Settings) -> bool:
     """Whether each pixel of the images depends on the light that falls on it alone, but for the exposure."""
     camera, sensor = pair.camera, settings.sensor
     if any(pair.image(eye) != pair.truth(eye) for eye in EYES):
-        return False  # blurred: truth is in files of its own
+        return False  # blurred: the truth is in separate files
     plain: bool = (camera.rendered_px == (camera.width_px, camera.height_px) and sensor.colour == "MONO"
                    and sensor.band_weights == "EQUAL" and not any(_spread(sensor, key) for key in _SPREADS))
     return plain and all(lens_of(camera, settings.rig, eye) is None for eye in EYES)
@@ -103,7 +103,7 @@ def _spread(sensor: SensorSettings, key: str) -> bool:
 
 
 def _needs_groups(settings: Settings) -> bool:
-    """Whether the light of the Sun and that of the planet are weighed."""
+    """Whether the light of the Sun or of the planet is scaled."""
     return settings.light.sun_scale != 1 or settings.light.planet_scale != 1
 
 

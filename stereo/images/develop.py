@@ -78,7 +78,7 @@ class Images:
 
     @property
     def is_mosaic(self) -> bool:
-        """Whether what the sensor detects is a Bayer mosaic."""
+        """Whether the image of the sensor is a Bayer mosaic."""
         return self.colour_left is not None
 
     def seen(self, eye: str) -> np.ndarray:
@@ -202,15 +202,15 @@ class Channels:
                                  "wavelengths of the filters, or set sensor.white_balance to NONE.",)
 
     def planes(self, radiance: np.ndarray) -> list[np.ndarray]:
-        """Of radiance (H, W, 3) what each channel sees, float64 (H, W), in units of which ``rate`` is per second."""
+        """Signal of each channel from a radiance (H, W, 3), float64 (H, W); times ``rate``, electrons per second."""
         if self._weights is None:
             return [grey(radiance)]
-        # Infinite light times no response would be no number.
+        # Infinite light times a response of 0 would be NaN.
         red, green, blue = (np.minimum(radiance[..., k].astype(np.float64), 1e30) for k in range(3))
         return [r * red + g * green + b * blue for r, g, b in self._weights.tolist()]
 
     def at_pixels(self, planes: list[np.ndarray]) -> np.ndarray:
-        """What the pixels of the sensor see, (H, W), of what its channels see."""
+        """Signal (H, W) at the pixels of the sensor, from the signals of its channels."""
         return planes[0] if len(planes) == 1 else mosaic(np.stack(planes), self._sensor.bayer_pattern)
 
     def balanced(self, values: np.ndarray) -> np.ndarray:
@@ -256,7 +256,7 @@ def _exposures(light: np.ndarray, times: list[float], rate: float, settings: Set
 
 
 def exposure_facts(images: Images) -> Mapping[str, Any]:
-    """How a pair was exposed, for reports; None for what is infinite."""
+    """The exposure of a pair, for reports; None for infinite values."""
     return {"exposure_s": images.exposure_s, "exposures_s": [frame.seconds for frame in images.frames],
             "gain_dn_per_e": images.gain_dn_per_e, "electrons_per_s_per_radiance": images.electron_rate,
             "saturation_radiance": images.saturation_radiance if math.isfinite(images.saturation_radiance) else None,

@@ -9,8 +9,8 @@ from ...physics.camera.hidden_points import find_hidden, is_in_frame, matching_c
 from ...physics.camera.stereo_camera import StereoCamera
 from .exr import Truth
 
-#: How it is known what the other eye sees: from rays that were cast when the pair was rendered, from the depths of both
-#: eyes, or from a mask that the data set contains.
+#: Sources of the points that the other eye sees: rays that were cast when the pair was rendered, the depths of both
+#: eyes, or a mask that the data set contains.
 RAYS, ESTIMATED, MASK = "RAYS", "ESTIMATED", "MASK"
 
 
@@ -28,8 +28,8 @@ def visible_in_right(left_depth: np.ndarray, right_depth: np.ndarray, camera: St
                      hidden: np.ndarray | None = None) -> np.ndarray:
     """Boolean (H, W): the point that a left pixel sees is inside the right image and not hidden there.
 
-    Both depths are planar metres, NaN for sky; sky is not visible. ``hidden``, Boolean (H, W), is what rays have found
-    when the pair was rendered. Without it, it is estimated: the right image shows something nearer there.
+    Both depths are planar metres, NaN for sky; sky is not visible. ``hidden``, Boolean (H, W), marks the points that
+    rays found hidden when the pair was rendered. Without it, it is estimated: the right image shows something nearer.
     """
     return _visible(left_depth, right_depth, camera, "left", hidden)
 

@@ -9,7 +9,7 @@ from ...support.foreign_bytes import Budget, ForeignBytes, OverBudgetError
 
 #: As the pixels are stored.
 UPRIGHT = 1
-#: What EXIF data begin with in JPEG, and in some WebP files; then they are a TIFF file.
+#: The first bytes of EXIF data in JPEG, and in some WebP files; a TIFF file follows.
 _MARK = b"Exif\0\0"
 _ORIENTATION, _MOST_BYTES, _MOST_ORIENTATION = 274, 2**16, 8
 

@@ -97,14 +97,14 @@ def read_truth(path: Path, eye: str | None = None, without: Collection[str] = ()
 
 
 def read_depth(path: Path, eye: str | None = None) -> Truth:
-    """Read depth, and what tells the planet from the ground, alone; the other arrays may be None."""
+    """Read only the depth and the labels that tell the planet from the ground; the other arrays may be None."""
     passes = [f"{layer}.{name}" for layer in (BEAUTY, TRUTH) for name in ("Depth", *_SEMANTIC)]
     return _truth(_read_channels(path, eye, passes), path)
 
 
 def _truth(channels: _Channels, path: Path) -> Truth:
     with_light = (BEAUTY, "Depth", "Z") in channels  # of a pair that has no other truth
-    with np.errstate(invalid="ignore"):  # a number that is none stays none
+    with np.errstate(invalid="ignore"):  # NaN stays NaN
         depth = _find(channels, BEAUTY if with_light else TRUTH, "Depth", "Z", path).astype(np.float64)
     depth[~(depth < SKY_DEPTH_M) | (depth <= 0)] = np.nan
     hidden = channels.get((TRUTH, HIDDEN, "X"))
@@ -146,7 +146,7 @@ def _radiance(channels: _Channels, pass_name: str, path: Path) -> np.ndarray:
 
 def _read_channels(path: Path, eye: str | None, passes: Collection[str] = (), without: Collection[str] = (),
                    rows: range | None = None) -> _Channels:
-    """The channels of an eye: all, or at least those of ``passes`` (``LAYER.PASS``), or all but those ``without``."""
+    """The channels of an eye: all, or at least the ``passes`` (``LAYER.PASS``), or all except ``without``."""
     if not path.is_file():
         raise IcyMoonError(f"{path} is missing; {_FIX}.")
     channels: _Channels = {}
@@ -157,7 +157,7 @@ def _read_channels(path: Path, eye: str | None, passes: Collection[str] = (), wi
             if len(words) < 3 or (eye and view and view != eye):
                 continue
             channels[words[0], words[1], words[-1]] = values
-    # Blender 4 writes all passes in one part, which cannot be read without some of them.
+    # Blender 4 writes all passes in one part, which can only be read as a whole.
     unread = set(without) - (set() if (BEAUTY, "Combined", "R") in channels else set(GROUP_PASSES))
     channels = {key: values for key, values in channels.items() if ".".join(key[:2]) not in unread}
     if len({values.shape for values in channels.values()}) > 1:
@@ -261,7 +261,7 @@ def _normal(channels: _Channels, path: Path) -> np.ndarray | None:
 
 
 def _instances(channels: _Channels) -> np.ndarray | None:
-    """Labels of objects and of rocks; a rock has a label of its own and no object index."""
+    """Labels of objects and of rocks; each rock has its own label and no object index."""
     objects, rocks = _labels(channels, ("Object Index", "IndexOB")), _labels(channels, (INSTANCE_AOV,))
     return objects if rocks is None or objects is None else np.where(rocks > 0, rocks, objects)
 

@@ -1,4 +1,4 @@
-"""What an EXR file of others states about its channels, before a library decodes them."""
+"""The header of an EXR file of others, with its channels, before a library decodes them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Channel:
 
     @property
     def full_name(self) -> str:
-        """Its name after that of its part, unless it begins as that does: parts may have channels of one name."""
+        """Its name with its part's name in front, unless it has that already: parts may share names of channels."""
         first = self.part_name.partition(".")[0]
         is_named = not first or self.name.startswith(f"{first}.")
         return self.name if is_named else f"{self.part_name}.{self.name}"

@@ -41,7 +41,7 @@ def write_png(path: Path, image: np.ndarray) -> None:
 
 
 def encoded(image: np.ndarray, suffix: str, quality: int = 85) -> bytes:
-    """The bytes of an image file of the format ``suffix``; ``quality`` is that of a JPEG."""
+    """The bytes of an image file of the format ``suffix``; ``quality`` is for JPEG only."""
     parameters = [cv2.IMWRITE_JPEG_QUALITY, quality] if suffix == ".jpg" else []
     return bytes(cv2.imencode(suffix, image, parameters)[1].tobytes())
 
@@ -72,7 +72,7 @@ def read_png(path: Path, decode: Decode | None = None) -> np.ndarray:
 
 
 def read_picture(path: Path, decode: Decode = decode_here) -> np.ndarray:
-    """A PNG, JPEG or WebP file, as ``read_png`` gives it. Raises IcyMoonError if it is none, damaged or too large."""
+    """A PNG, JPEG or WebP file, as from ``read_png``. Raises IcyMoonError if it is another, damaged or too large."""
     return read(path, lambda foreign: decode(parse_picture(foreign)), "a whole image", _AGAIN,
                 memory=MOST_IMAGE_MEMORY)
 

@@ -1,7 +1,7 @@
-"""What PNG, JPEG and WebP files state about themselves, and the bytes of them that a decoder needs.
+"""The headers of PNG, JPEG and WebP files, and the bytes of the files that a decoder needs.
 
-A decoder makes room for what the header states, and unpacks what it finds. So the stated size is charged before, the
-file must have its end, and of PNG and WebP only the parts with pixels and colours are passed on.
+A decoder makes room for the size in the header, and unpacks everything that it finds. So the stated size is charged
+before, the file must have its end, and of PNG and WebP only the parts with pixels and colours are passed on.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MOST_PIXELS = 2**26
 MOST_IMAGE_MEMORY = 4 * MOST_PIXELS + 2**12
 #: Most bytes of a JPEG or WebP file: four for each of these pixels, and twice the least that a file may need.
 _MOST_PACKED = 2**28
-#: What a file may have beyond its pixels: profiles, notes, a film behind a photograph.
+#: Most bytes of a file beyond its pixels: profiles, notes, a film behind a photograph.
 _MOST_BESIDE = 2**26
 PNG, JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff"
 #: Parts of a PNG that its pixels depend on. Others may unfold when they are read, as profiles and texts do.
@@ -37,8 +37,8 @@ _MOST_SEGMENTS, _MOST_SCANS, _MOST_FILL = 10_000, 100, 64
 #: Bytes of a scan that are looked through at once.
 _BLOCK = 2**16
 _START_OF_IMAGE, _END_OF_IMAGE, _START_OF_SCAN, _EXIF = 0xd8, 0xd9, 0xda, 0xe1
-#: A block of 8 x 8 pixels has a bit at least, of one of two bands at most, where codes are Huffman's. OpenCV would fill
-#: what is missing with grey.
+#: With Huffman's codes, a block of 8 x 8 pixels has at least one bit, in one of at most two bands. OpenCV would fill
+#: missing blocks with grey.
 _PIXELS_PER_BYTE, _LAST_OF_HUFFMAN = 2 * 64 * 8, 0xc7
 _FRAMES = set(range(0xc0, 0xd0)) - {0xc4, 0xc8, 0xcc}
 _ALONE = {0x01, *range(0xd0, 0xd8)}  # markers without a length
@@ -46,7 +46,7 @@ _ALONE = {0x01, *range(0xd0, 0xd8)}  # markers without a length
 
 @dataclass(frozen=True)
 class Encoded:
-    """An image before it is decoded: what a decoder gets, and what it may give."""
+    """An image before it is decoded: the input of a decoder, and the limits of its output."""
 
     content: bytes
     width: int
@@ -61,7 +61,7 @@ def is_webp(start: bytes) -> bool:
 
 
 def check_size(width: int, height: int, most_pixels: int | None = None) -> int:
-    """The number of pixels of a size that a file states. Raises RefusedError if it is none, or too large."""
+    """The number of pixels of a size that a file states. Raises RefusedError if it is 0 or too large."""
     most = MOST_PIXELS if most_pixels is None else most_pixels
     if width < 1 or height < 1:
         raise RefusedError(f"states {width} x {height} px, an image without pixels; make it again.")
@@ -176,9 +176,9 @@ def _next_marker(cursor: Cursor) -> int:
 
 
 def _end_of_scan(values: np.ndarray, at: int) -> int:
-    """Where the first marker after ``at`` begins that is neither a stuffed byte nor a restart.
+    """Position of the first marker after ``at`` that is neither a stuffed byte nor a restart.
 
-    Raises ValueError if there is none: the file was cut off.
+    Raises ValueError if no marker follows: the file was cut off.
     """
     for begin in range(at, len(values) - 1, _BLOCK):
         block = values[begin:begin + _BLOCK + 1]

@@ -17,7 +17,7 @@ DARK = 0.02
 
 
 def find_largest_square(mask: np.ndarray) -> tuple[slice, slice]:
-    """Rows and columns of the largest square of a mask (H, W) that is true all over; empty slices if there is none."""
+    """Rows and columns of the largest square in which a mask (H, W) is true; empty slices if it is false all over."""
     side = np.zeros((mask.shape[0] + 1, mask.shape[1] + 1), np.int32)
     for row in range(mask.shape[0]):
         above = np.minimum(side[row, 1:], side[row, :-1])

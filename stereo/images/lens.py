@@ -1,8 +1,8 @@
 """Lens distortion and toe-in, and the rectification that undoes both.
 
-There are three images. The rendered image is that of a pinhole with margins, toed in as the eye is. The image of the
-sensor is distorted by the lens. The rectified image is that of the parallel rig, to which the truth belongs; matchers
-get this one, made from the numbers of the sensor.
+There are three images. The rendered image comes from a pinhole with margins, toed in as the eye is. The image of the
+sensor is distorted by the lens. The rectified image belongs to the parallel rig, as the truth does; matchers get it,
+made from the numbers of the sensor.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ class Lens:
         return np.rint(np.nan_to_num(seen)).astype(numbers.dtype)
 
     def rectify_radiance(self, radiance: np.ndarray) -> np.ndarray:
-        """Rendered radiance, of any number of bands, on the pixels of the rectified image; 0 where there is none."""
+        """Rendered radiance, of any number of bands, on the pixels of the rectified image; 0 where unknown."""
         return np.nan_to_num(_remapped(radiance, self.rectified_in_rendered))
 
     def depth_of_sensor(self, depth: np.ndarray) -> np.ndarray:
-        """The planar depth at the sensor's pixels, of a rendered one (H, W); NaN outside and where it is NaN.
+        """The planar depth at the sensor's pixels, from a rendered ``depth`` (H, W); NaN outside and where it is NaN.
 
-        Within a surface 1 / depth is interpolated linearly, which is exact on planes. Between surfaces it is that of
-        the nearest rendered pixel, never a mean.
+        Within a surface 1 / depth is interpolated linearly, which is exact on planes. Between surfaces the nearest
+        rendered pixel counts, never a mean.
         """
         height, width = depth.shape
         inside = _inside(self.sensor_in_rendered, (width, height), 0.5)
@@ -105,14 +105,14 @@ def _turned(points: np.ndarray, rotation: np.ndarray, k: tuple[float, ...]) -> n
     return np.where(np.abs(back - seen) < 1e-6 * (1 + np.abs(seen)), seen, np.nan)
 
 
-#: Two neighbours are of one surface if their inverse depths differ at most by so many times what those beside them do,
-#: more by this share.
+#: Two neighbours are of one surface if their inverse depths differ by at most the first number times the smaller of the
+#: steps beside them, plus the second number times the smaller inverse depth.
 _STEEPER, _UNEVEN = 2.0, 0.01
 
 
 def _within_surfaces(inverse: np.ndarray) -> np.ndarray:
-    """Boolean (H - 1, W - 1): the pixel, the one beside it and the two below are of one surface, by inverse depths
-    (H, W), NaN where there is nothing."""
+    """Boolean (H - 1, W - 1): the pixel, the one to its right and the two below are of one surface, by inverse depths
+    (H, W), NaN where unknown."""
     across, down = _are_continued(inverse), _are_continued(inverse.T).T
     return across[:-1] & across[1:] & down[:, :-1] & down[:, 1:]
 

@@ -28,7 +28,7 @@ _STROKES = {
 def draw_text(text: str, height_px: float) -> np.ndarray:
     """A strip with a text: the share of each pixel that strokes cover, float32 (rows, columns).
 
-    ``height_px`` is that of capitals; the strip is half as high again. A character without strokes is a space.
+    ``height_px`` is the height of capitals; the strip is half as high again. A character without strokes is a space.
     """
     unit, across = height_px / _CAP, 1
     lines = []

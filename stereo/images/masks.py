@@ -19,8 +19,8 @@ def _fixed(corners: np.ndarray) -> np.ndarray:
 def fill_polygons(shape: tuple[int, int], outlines: Sequence[np.ndarray], finer: int = 1) -> np.ndarray:
     """Mask (H, W) of the union of polygons (n, 2) in pixels.
 
-    OpenCV fills every pixel that an edge touches. With ``finer``, an odd number, it does so on a grid that is finer by
-    that, of which the middles of our pixels are taken: those that are inside, to 1 / ``finer`` of a pixel.
+    OpenCV fills every pixel that an edge touches. With ``finer``, an odd number, it fills a grid that is finer by this
+    factor, and the mask takes its values in the middles of our pixels: they are inside, to 1 / ``finer`` of a pixel.
     """
     mask = np.zeros((shape[0] * finer, shape[1] * finer), np.uint8)
     for each in outlines:
@@ -51,6 +51,6 @@ def overlap(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def inside_px(point: np.ndarray, around: np.ndarray) -> float:
-    """How far a point (2,) is inside the convex hull of points (n, 2), in pixels; negative outside."""
+    """Distance in pixels of a point (2,) inside the convex hull of points (n, 2) from its border; negative outside."""
     hull = cv2.convexHull(np.asarray(around, np.float32))
     return float(cv2.pointPolygonTest(hull, (float(point[0]), float(point[1])), True))

@@ -41,8 +41,8 @@ def read_eye(pair: Pair, eye: str, without: Collection[str] = ()) -> tuple[Light
 
 
 def read_baked_error(pair: Pair, eye: str) -> dict[str, np.ndarray]:
-    """The error of an eye's baked light by light group, float64 (H, W) on the parallel rig, in W/(m² sr) of the mean of
-    the bands: what an error as large as that of the light looks like. Empty where none is stored.
+    """A possible error of an eye's baked light, as large as the actual one, by light group: float64 (H, W) on the
+    parallel rig, in W/(m² sr) of the mean of the bands. Empty if no error is stored.
 
     Raises IcyMoonError with the name of the file if it is damaged or of another size than its camera.
     """

@@ -34,8 +34,8 @@ from .options import resolve
 from .result import Result
 from .search_range import SearchRange
 
-#: What readers see instead of the names of matchers that need no setting up, in tables, charts, sentences and in the
-#: window, and what some of them need beside the evaluator.
+#: Titles that readers see instead of the names of matchers, in tables, charts, sentences and in the window; and the
+#: needs of some matchers beside the evaluator.
 TITLES = {"bm": "StereoBM", "sgbm": "SGBM", "sgbm_wls": "SGBM with WLS", "jplv": "JPLV", "igev": "IGEV-Stereo",
           "dsmnet": "DSMNet"}
 NEEDS = {"igev": "PyTorch and a checkpoint", "dsmnet": "PyTorch and a checkpoint"}
@@ -51,7 +51,7 @@ def find_plugins() -> Found:
 
 
 def matcher_names() -> tuple[str, ...]:
-    """All matchers of this Python: ours, then those of plug-ins."""
+    """All matchers of this Python: Icy Moon's, then the plug-ins'."""
     return (*MATCHERS, *find_plugins().usable)
 
 
@@ -61,15 +61,15 @@ def match(method: str, left: np.ndarray, right: np.ndarray, options: Mapping[str
     """Compute the disparity of the left image with the matcher ``method``.
 
     ``left`` and ``right`` are rectified images of one size, uint8 or uint16 (scaled to 8 bits), grey (H, W) or colour
-    (H, W, 3 or 4; BGR as OpenCV reads it; matchers without colour get the mean of the bands, or what their option
-    ``grey`` states). Values of ``options`` may be text. A program of the user's may ask for the ``camera``. ``ranges``
-    are the search ranges that options may name, see ``search_range.known_ranges``. Returns
+    (H, W, 3 or 4; BGR as OpenCV reads it; matchers without colour get the mean of the bands, or the grey that their
+    option ``grey`` names). Values of ``options`` may be text. A program of the user's may ask for the ``camera``.
+    ``ranges`` are the search ranges that options may name, see ``search_range.known_ranges``. Returns
 
     * disparity, float32 (H, W), px, left column minus right column, NaN where invalid;
     * valid, bool (H, W);
-    * info: ``method``, the complete ``options``, the ``COSTS`` of the matching alone (including those of a program it
+    * info: ``method``, the complete ``options``, the ``COSTS`` of the matching alone (including a program that it
       started; None where unknown), ``arrays``, ``counts`` and ``facts``, see ``Result``, and ``search``, the range that
-      was searched, or None if the matcher has none.
+      was searched, or None if the matcher has no range.
 
     A disparity of zero or less gives no depth and is invalid. Raises IcyMoonError for an unknown matcher or option,
     for images that cannot be used or are too small for the options, and if a matcher that measures everywhere gave no
@@ -147,7 +147,7 @@ def release_of(method: str) -> str:
 
 
 def _import_matcher(method: str) -> Any:
-    """The module of a matcher, or what stands for it."""
+    """The module of a matcher, or the loaded plug-in in its place. Raises IcyMoonError for an unknown one."""
     if method in MATCHERS:
         return importlib.import_module(f".{method}", __name__)
     found = find_plugins()
@@ -188,7 +188,7 @@ def _luminance(image: np.ndarray) -> np.ndarray:
     return image if image.ndim == 2 else cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
 
 
-#: What the option ``grey`` of a matcher may be.
+#: Functions that turn an image grey, by the value of a matcher's option ``grey``.
 GREYS = {"mean": to_grey, "luminance": _luminance}
 
 

@@ -3,7 +3,7 @@
 A parabola through three scores of a fixed window prefers whole pixels ("pixel locking") and assumes a fronto-parallel
 surface. Here the window of the right image is resampled with the disparity d + a u + b v at the offset (u, v), and d,
 a and b are fitted by least squares, as in Stein, Huertas, Matthies, "Attenuating stereo pixel-locking via affine window
-adaptation", ICRA 2006. All gradients are those of the left image (Baker, Matthews, "Lucas-Kanade 20 years on", IJCV
+adaptation", ICRA 2006. All gradients come from the left image (Baker, Matthews, "Lucas-Kanade 20 years on", IJCV
 56(3), 2004), so the fit does not depend on the resampling of the right image.
 """
 
@@ -46,7 +46,7 @@ def refine(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, window: i
 
 
 def _inverse_normal_matrices(gradient: np.ndarray, half: int) -> np.ndarray:
-    """(3, 3, H, W): inverse of Σ g² [1 u v]ᵀ[1 u v] over every window; not finite where there is none."""
+    """(3, 3, H, W): inverse of Σ g² [1 u v]ᵀ[1 u v] over every window; NaN if the matrix is singular."""
     offsets = np.arange(-half, half + 1.0)
     ones = np.ones_like(offsets)
     power = gradient.astype(np.float64) ** 2

@@ -84,7 +84,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
 
 
 def files(options: dict[str, Any]) -> list[str]:
-    """What may be a file that the result depends on: the program and its arguments."""
+    """Paths that may be files that the result depends on: the program and its arguments."""
     return _arguments(options)
 
 
@@ -106,7 +106,7 @@ def _run(arguments: list[str], timeout_s: int, errors: Path) -> None:
         raise IcyMoonError(f"external.command took more than {timeout_s} s and was stopped; raise external.timeout_s "
                            "or make it faster.") from None
     finally:
-        kill_all(process)  # also when interrupted: Ctrl-C does not reach a process in a session of its own
+        kill_all(process)  # also when interrupted: Ctrl-C does not reach a process in another session
     if status:
         raise IcyMoonError(f"external.command ended with status {status} ({last_words(errors) or 'no message'}); run "
                            "it by hand on two images.")

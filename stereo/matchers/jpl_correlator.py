@@ -32,11 +32,11 @@ _BLOB_STEP = ONE // 4  # neighbours that differ by this or more belong to differ
 class Search:
     """The best match of every pixel inside the rim; each array is (rows, columns) of the searched part."""
 
-    best: np.ndarray  # int16, left disparity less the least one
+    best: np.ndarray  # int16, left disparity minus the least one
     best_right: np.ndarray  # the same for the pixels of the right image
     score: np.ndarray  # sum of absolute differences at ``best``
-    before: np.ndarray  # the score at one disparity less, undefined where there is none
-    after: np.ndarray  # the score at one more, undefined where there is none
+    before: np.ndarray  # the score at one disparity less, undefined if that is not searched
+    after: np.ndarray  # the score at one disparity more, undefined if that is not searched
 
 
 def band_pass(image: np.ndarray, level: int) -> tuple[np.ndarray, int]:
@@ -101,7 +101,7 @@ def judge(found: Search, least: int, most: int, window: int, uncertainty: int) -
     """
     best = found.best.astype(np.int32)
     column = np.arange(best.shape[1], dtype=np.int32)
-    last = np.minimum(most, column) - least  # of the disparities searched; below 0 where there is none
+    last = np.minimum(most, column) - least  # of the disparities searched; below 0 where none fits
     border = (best == 0) | (best >= last)
     matched = np.take_along_axis(found.best_right, np.maximum(column - best - least, 0), axis=1)
     before, after, score = (scores.astype(np.int32) for scores in (found.before, found.after, found.score))

@@ -95,10 +95,10 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
 
 
 def _enlarged(disparity: np.ndarray, level: int, shape: tuple[int, ...]) -> np.ndarray:
-    """Disparity (H, W), px, from that of images halved ``level`` times.
+    """Disparity (H, W), px, from the disparity of images halved ``level`` times.
 
     Pixel i of a halved image is pixel i 2^level of the full one. Between four measured pixels of one surface the
-    disparity is interpolated, elsewhere it is that of the nearest.
+    disparity is interpolated, elsewhere the nearest pixel counts.
     """
     if level == 0:
         return disparity

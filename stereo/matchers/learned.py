@@ -1,4 +1,4 @@
-"""What the learned matchers share: checkpoint, device, and the network that is kept between pairs.
+"""Common parts of the learned matchers: checkpoint, device, and the network that is kept between pairs.
 
 torch is imported only when a network is loaded.
 """

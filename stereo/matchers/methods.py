@@ -1,4 +1,4 @@
-"""Which methods to run, from what the user writes: ``bm,sgbm:window=7``, ``--option bm.window=21`` and
+"""Which methods to run, from the user's texts: ``bm,sgbm:window=7``, ``--option bm.window=21`` and
 ``--method mynet=resident:command=PROGRAM``."""
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from ...settings.topics.trust_boundary import OWN, OWN_NAME, listed, split_optio
 from ...suggestions import nearest
 from . import TITLES, check_options, matcher_names, option_keys
 
-#: What separates the options in a label.
+#: Separator of the options in a label.
 _NEXT_OPTION = re.compile(r":(?=[A-Za-z0-9_]+=)")
 
 

@@ -62,8 +62,8 @@ _MOST_PIXELS = 2**25
 #: Pixels of an input that may take ``timeout_s``; the test's input has fewer.
 _TIMED_PIXELS = 100_000
 _TEST_SHAPE = 256, 384
-#: How far the median of the disparities of the test may be from its shift, and a ratio of two of them from that of the
-#: shifts, as a share.
+#: Tolerances of the test: between the median disparity and the shift, px; and between the ratio of two disparities and
+#: the ratio of their shifts, as a share.
 _TOLERANCE_PX, _TOLERANCE_SHARE = 1.0, 0.15
 _MEAN, _SPREAD = (np.array(values, np.float32) for values in ((0.485, 0.456, 0.406), (0.229, 0.224, 0.225)))
 _TYPES = {"tensor(float)": np.float32, "tensor(float16)": np.float16, "tensor(uint8)": np.uint8,
@@ -108,7 +108,7 @@ def check(options: dict[str, Any]) -> None:
 
 
 def load(options: dict[str, Any]) -> None:
-    """Read the file, and check what the network finds, so that a run with the same options need not."""
+    """Read the file and test the network, so that a run with the same options need not."""
     _load(options)
 
 
@@ -132,8 +132,7 @@ def _load(options: dict[str, Any]) -> _Network:
 
 @lru_cache(maxsize=4)
 def _load_once(items: tuple[tuple[str, Any], ...], changed: tuple[int, int]) -> _Network | str:
-    """The network of complete options, tested, or what is wrong with it; ``changed`` identifies the version of its
-    file."""
+    """The tested network of complete options, or its fault in words; ``changed`` identifies the version of its file."""
     options = dict(items)
     try:
         network = _open(options)
@@ -170,7 +169,7 @@ def _open(options: dict[str, Any]) -> _Network:
 
 
 def _find_inputs(path: Path, declared: Sequence[Any]) -> tuple[_Input, ...]:
-    """What each input of a network takes. Raises IcyMoonError if this is not plain."""
+    """The images that each input of a network takes. Raises IcyMoonError if this is not plain."""
     if len(declared) not in (1, 2, 4):
         raise IcyMoonError(f"{path} has {len(declared)} inputs ({_describe(declared)}); a stereo network has 1, 2 or "
                            "4: export it with these.")
@@ -232,7 +231,7 @@ def _run(network: _Network, left: np.ndarray, right: np.ndarray,
 
 
 def _tensor(each: _Input, images: dict[str, np.ndarray], options: dict[str, Any]) -> np.ndarray:
-    """What an input gets: a batch of one image or of both."""
+    """The values of an input: a batch of one image or of both."""
     found = []
     for eye in each.eyes:
         image = images[eye]
@@ -276,7 +275,7 @@ def _plane(network: _Network, outputs: Sequence[np.ndarray], options: dict[str, 
 
 
 def _test(network: _Network, options: dict[str, Any]) -> None:
-    """Raise IcyMoonError unless the network finds how far a texture is shifted."""
+    """Raise IcyMoonError unless the network finds the shift of a texture."""
     found = _find_shifts(network, options)
     if _are_shifts(found):
         return
@@ -351,6 +350,6 @@ def _run_bounded(session: Any, given: dict[str, np.ndarray], most_s: float) -> l
 
 
 def _first_line(error: Exception) -> str:
-    """What ONNX Runtime reports, without its numbers of errors and the names of its own functions."""
+    """First line of ONNX Runtime's message, without the prefix, number and name of the error."""
     line = (str(error).splitlines() or [type(error).__name__])[0]
     return re.sub(r"^\[ONNXRuntimeError\] : \d+ : [A-Z_]+ : ", "", line)[:300].rstrip(". ")

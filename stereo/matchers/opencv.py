@@ -1,4 +1,4 @@
-"""What the matchers of OpenCV share."""
+"""Common parts of the matchers of OpenCV."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ SUBPIXELS = 16  # OpenCV's disparities are fixed-point numbers with four fractio
 
 def settle_range(method: str, options: dict[str, Any], ranges: Mapping[str, SearchRange]
                  ) -> tuple[dict[str, Any], SearchRange]:
-    """The options with numbers for those of SEARCH_RANGE, and the range that they are.
+    """The options with numbers for the ones in SEARCH_RANGE, and the range that these numbers state.
 
-    Raises IcyMoonError if the true disparities are asked for and not known.
+    Raises IcyMoonError if the true disparities are asked for but unknown.
     """
     count, least = options["disparities"], options["min_disparity"]
     source = STATED

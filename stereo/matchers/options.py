@@ -49,7 +49,7 @@ class Option:
 
 def resolve(method: str, declared: Sequence[Option], presets: Mapping[str, Mapping[str, Any]],
             given: Mapping[str, Any]) -> dict[str, Any]:
-    """All options of a matcher: the defaults, replaced by those of a ``preset``, then by those that are ``given``.
+    """All options of a matcher: the defaults, overridden by a ``preset``, then by the other ``given`` options.
 
     Values may be text. Raises IcyMoonError for an unknown option or preset, or a bad value.
     """

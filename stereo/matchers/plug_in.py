@@ -19,9 +19,9 @@ from .options import Option
 from .result import Result
 from .search_range import SearchRange
 
-#: What an entry of OPTIONS may state.
+#: Keys that an entry of OPTIONS may have.
 _STATED = ("default", "doc", "minimum", "maximum", "step", "choices")
-#: Options that every matcher of a plug-in has, or that Icy Moon gives a meaning of its own.
+#: Options that every matcher of a plug-in has, or whose meaning Icy Moon defines.
 _RESERVED = {"preset", "grey", *(name for option in SEARCH_RANGE for name in (option.key, option.opencv))}
 
 
@@ -74,7 +74,7 @@ class PluginMatcher:
         return Result(checked_disparity(self.plugin, found, left.shape[:2]), facts={"plug_in": self.plugin.release})
 
     def files(self, options: dict[str, Any]) -> list[str]:
-        """What the result depends on: the plug-in's own source."""
+        """The files that the result depends on: the plug-in's own source."""
         return source_files(self.loaded)
 
 

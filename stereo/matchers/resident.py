@@ -56,7 +56,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
 
 
 def files(options: dict[str, Any]) -> list[str]:
-    """What may be a file that the result depends on: the program and its arguments."""
+    """Paths that may be files that the result depends on: the program and its arguments."""
     return _arguments(options)
 
 

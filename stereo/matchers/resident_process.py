@@ -3,12 +3,12 @@
 The program, most simply by ``adapters.icymoon_serve``, prints ``{"hello": 1}`` when it is ready. For each pair it reads
 a line ``{"id", "left", "right", "out", "camera", "range"}`` with the paths of two npy files (uint8 RGB, (H, W, 3)), the
 camera and the disparities that the rig can see, or null. It writes the disparity to ``out`` as npy, and then prints
-``{"id", "ok": true}`` with what it took, or ``{"id", "error"}``. What it prints besides is no message. Its standard
-input ends when this process ends, however that is.
+``{"id", "ok": true}`` with its time and memory, or ``{"id", "error"}``. Other output is no message. Its standard input
+ends when this process ends, however that happens.
 
-A program that dies or does not answer in time fails this pair and is started again for the next one; after three such
-failures in a row it is not. The first pair is computed twice, since libraries and GPUs do much of their work
-once: the first time is stated apart.
+If a program dies or does not answer in time, this pair fails and the program is started again for the next one, but
+not after three such failures in a row. The first pair is computed twice, since libraries and GPUs do much of their
+work only once; the time of the first run is stated apart.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _LONGEST_LINE, _MOST_LINES, _MOST_FACTS, _LONGEST_FACT = 65536, 64, 50, 200
 
 @dataclass(frozen=True)
 class Program:
-    """What is started, what messages call it, and how long its start and a pair may take."""
+    """A program to start: its name in messages, its command, and time limits for its start and for a pair."""
 
     name: str
     command: tuple[str, ...]
@@ -61,7 +61,7 @@ class Program:
 
 
 class _ProgramError(Exception):
-    """What a program has done wrong, in words that follow its name."""
+    """The fault of a program, in words that follow its name."""
 
 
 class _Resident:
@@ -175,7 +175,7 @@ class _Resident:
         return f"{how} before {before} ({self._last_words()}); correct the program."
 
     def _last_words(self) -> str:
-        """The last line of its standard error, or else of what it printed beside messages."""
+        """The last line of its standard error, or else of its output that is no message."""
         return last_words(self._folder / "errors.txt") or self._stray[:300] or "no message"
 
     def _read_disparity(self, path: Path, shape: tuple[int, ...]) -> np.ndarray:
@@ -251,7 +251,7 @@ def _noted(program: Program, failure: _ProgramError) -> IcyMoonError:
 
 @atexit.register
 def stop_residents() -> None:
-    """End all programs, and forget what they did wrong."""
+    """End all programs, and forget their failures."""
     _failed.clear()
     while _running:
         _running.popitem()[1].stop(_GRACE_S)

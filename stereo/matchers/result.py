@@ -1,4 +1,4 @@
-"""What a matcher returns."""
+"""The result of a matcher."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Result:
-    """A disparity map, and what else the matcher reports."""
+    """A disparity map, and the further reports of the matcher."""
 
     disparity: np.ndarray  # float (H, W) px, NaN where there is no measurement
     arrays: dict[str, np.ndarray] = field(default_factory=dict)  # kept in the npz beside the disparity

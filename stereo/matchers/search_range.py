@@ -1,7 +1,7 @@
-"""The disparities that a matcher searches: those that the rig can meet, those of the truth, or what the user states.
+"""The disparities that a matcher searches: from the rig, from the truth, or as the user states.
 
-A matcher's options are stated or left to the range: ``disparities=auto`` (or ``max_disparity=auto``) takes what the rig
-can see, ``disparities=truth`` what the pair contains, which no camera knows and the report states.
+``disparities=auto`` (or ``max_disparity=auto``) searches the disparities that the rig can see; ``disparities=truth``
+searches the ones that the pair contains, which no camera knows and the report states. Numbers are searched as stated.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ...physics.rig.focal_length import focal_px
 from ...settings.topics.scene import Settings
 
 AUTO, TRUTH = "auto", "truth"
-#: What ``SearchRange.source`` may be: whoever reads a result learns from it where the range comes from.
+#: Values of ``SearchRange.source``, which tells the reader of a result where the range comes from.
 RIG, SETTINGS, STATED, FIXED = "rig", "settings", "stated", "fixed"
 #: Numbers of disparities are multiples of this, as OpenCV's matchers ask for.
 STEP_PX = 16
@@ -53,9 +53,9 @@ class SearchRange:
 
 
 def rig_range(settings: Settings, described: bool = True) -> SearchRange | None:
-    """What the rig of the settings can see, from its pose; None if it sees no ground.
+    """The disparities that the rig of the settings can see, from its pose; None if it sees no ground.
 
-    If the settings describe all that is there, the near end is that of the described ground and rocks (SETTINGS).
+    If the settings describe the whole scene, the near end follows from the described ground and rocks (SETTINGS).
     Otherwise relief may reach half of the camera's height (RIG).
     """
     rig = settings.rig
@@ -67,7 +67,7 @@ def rig_range(settings: Settings, described: bool = True) -> SearchRange | None:
 
 
 def true_range(true_disparity: np.ndarray) -> SearchRange | None:
-    """What encloses all true disparities (H, W), px; None if there is none."""
+    """The range that encloses all true disparities (H, W), px; None if all are unknown."""
     known = true_disparity[np.isfinite(true_disparity)]
     if not known.size:
         return None
@@ -79,7 +79,7 @@ def known_ranges(settings: Settings | None, true_disparity: np.ndarray | None, b
                  ) -> dict[str, SearchRange]:
     """The ranges of AUTO and TRUTH, as far as they are known, for ``match``.
 
-    ``settings`` are those of the pair, which do not describe all of it if it was edited ``by_hand``.
+    ``settings`` are the pair's settings, which do not describe the whole scene if it was edited ``by_hand``.
     ``true_disparity`` is NaN where only one eye sees the point.
     """
     found = {AUTO: rig_range(settings, not by_hand) if settings is not None else None,

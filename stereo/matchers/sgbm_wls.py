@@ -64,7 +64,7 @@ def compute(left: np.ndarray, right: np.ndarray, options: dict[str, Any], camera
 
 
 def _match(matcher: Any, mode: str, image: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Disparities in OpenCV's 1/16 px, float32; where there is none, OpenCV's own mark, which its filter needs."""
+    """Disparities in OpenCV's 1/16 px, float32; where matching failed, OpenCV's mark, which its filter needs."""
     fixed = InStrips(matcher, mode).compute(image, other)
     measured = fixed >= matcher.getMinDisparity() * SUBPIXELS
     return np.where(measured, evenly_rounded(fixed / SUBPIXELS) * SUBPIXELS, fixed).astype(np.float32)

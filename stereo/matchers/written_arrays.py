@@ -1,4 +1,4 @@
-"""What programs of the user write for us: arrays of a known size, and their last words."""
+"""The output of the user's programs: arrays of a known size, and their last words."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def read_array(path: Path, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def last_words(path: Path) -> str:
-    """The last line of a text that a program has written, such as its errors; empty if there is none."""
+    """The last line of a text that a program has written, such as its errors; empty for no text."""
     try:
         lines = read_end(path, _LONGEST_WORDS).decode("utf-8", "replace").splitlines()
     except OSError:

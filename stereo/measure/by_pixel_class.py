@@ -21,7 +21,7 @@ from .metrics import usable
 SUMS = ("true", "n", "l1_m", "epe_px", "bad_1", "l1_rate_10", "m_per_px", "fine", "fine_epe_px")
 
 TEXTURE_WINDOW_PX = 9
-#: A pixel is in shadow if its radiance is below this part of that of lit ground of its material.
+#: A pixel is in shadow if its radiance is below this share of the radiance of lit ground of its material.
 _SHADOW_PART = 0.35
 _LIT_QUANTILE = 0.9
 #: Facets with a smaller cosine of incidence are not used to find the brightness of lit ground.
@@ -87,9 +87,9 @@ def texture(grey: np.ndarray) -> np.ndarray:
 def in_shadow(grey: np.ndarray, normal: np.ndarray, toward_sun: Sequence[float], semantic: np.ndarray) -> np.ndarray:
     """Boolean (H, W): no sunlight reaches the pixel.
 
-    Facets that face away from the Sun are in shadow. Others are if their radiance is below _SHADOW_PART of that of lit
-    ground of their material under the same incidence (Lambert), which follows from the brighter pixels. So cast shadows
-    are found in the image itself, and a penumbra counts where it is dark enough.
+    Facets that face away from the Sun are in shadow. Other facets are in shadow if their radiance is below _SHADOW_PART
+    of the radiance of lit ground of their material under the same incidence (Lambert), which follows from the brighter
+    pixels. So cast shadows are found in the image itself, and a penumbra counts where it is dark enough.
     """
     cosine = np.nan_to_num(normal.astype(np.float64) @ np.asarray(toward_sun, np.float64))
     shadow = cosine <= 0
@@ -105,10 +105,10 @@ def in_shadow(grey: np.ndarray, normal: np.ndarray, toward_sun: Sequence[float],
 def classify(truth: np.ndarray, visible: np.ndarray, gradient: np.ndarray, grey: np.ndarray, normal: np.ndarray | None,
              semantic: np.ndarray | None, toward_sun: Sequence[float] | None,
              blocked: np.ndarray | None = None) -> dict[str, np.ndarray]:
-    """The class of every pixel by every factor, int8 (H, W), -1 where it has none or where an argument is None.
+    """The class of every pixel by every factor, int8 (H, W), -1 where it has no class or an argument is None.
 
     ``gradient`` is ``texture`` of the left image that matchers get, ``grey`` its radiance; ``normal`` is in world axes.
-    ``blocked`` is what deposits on the lens block, of 255; pixels have no class by it if there are none.
+    ``blocked`` is the light that deposits on the lens block, of 255; None without deposits.
     """
     nowhere = np.full(truth.shape, -1, np.int8)
     found = {RANGE.key: RANGE.of(truth), TEXTURE.key: TEXTURE.of(gradient),
@@ -116,7 +116,7 @@ def classify(truth: np.ndarray, visible: np.ndarray, gradient: np.ndarray, grey:
              SLOPE.key: nowhere, SHADOW.key: nowhere, MATERIAL.key: nowhere,
              DEPOSITS.key: nowhere if blocked is None else (blocked >= _LEAST_BLOCKED).astype(np.int8)}
     if normal is not None:
-        # Of normals that compact files have rounded, whose third component tells no small angle.
+        # The third component of normals, which compact files round, cannot give small angles.
         across = np.hypot(*np.moveaxis(normal[..., :2].astype(np.float64), -1, 0))
         found[SLOPE.key] = SLOPE.of(np.degrees(np.arctan2(across, normal[..., 2])))
     if semantic is not None:

@@ -42,7 +42,7 @@ def common_numbers(prepared: Prepared, disparities: Mapping[str, np.ndarray]) ->
 
 
 def _terms(prepared: Prepared, disparity: np.ndarray, truth: np.ndarray, measured: np.ndarray) -> np.ndarray:
-    """What is averaged over pixels (terms, pixels); 0 where nothing was measured."""
+    """The terms that are averaged over pixels (terms, pixels); 0 where nothing was measured."""
     camera = prepared.pair.camera
     true_disparity = camera.disparity(truth)
     disparity = np.where(measured, disparity, true_disparity)

@@ -1,4 +1,4 @@
-"""What matching a pair takes."""
+"""The costs of matching a pair: time and memory."""
 
 from __future__ import annotations
 

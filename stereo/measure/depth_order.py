@@ -6,13 +6,13 @@ ord(prediction_i, prediction_j) (MegaDepth, Li and Snavely 2018). It is the DOD 
 Counting pairs one by one takes minutes for an image; the method here takes O(N log N):
 
 For one i, the j with label +1 have less depth than a threshold, so they are a prefix of the pixels in the order of
-their depth; those with label -1 are a suffix. So everything follows from the sizes of prefixes, and from the number of
-pixels that are in a prefix of one order and a prefix of the other. With P for the j of label +1 and U for those of
+their depth; the j with label -1 are a suffix. So everything follows from the sizes of prefixes, and from the number of
+pixels that are in a prefix of one order and a prefix of the other. With P for the j of label +1 and U for the j of
 label +1 or 0, i disagrees with |U| + |U'| + |P ∩ U'| + |U ∩ P'| - 2 |P ∩ P'| - 2 |U ∩ U'| pixels, where ' marks the
-prediction. ``_PrefixCounts`` counts what two prefixes share.
+prediction. ``_PrefixCounts`` counts the pixels that two prefixes share.
 
-The thresholds come from the same divisions as the definition. These are monotone in floating point, so the result is
-that of the double loop, also for ties and for ratios of exactly 1 + τ, which occur with quantised disparities
+The thresholds come from the same divisions as the definition. These are monotone in floating point, so the result
+equals the double loop's, also for ties and for ratios of exactly 1 + τ, which occur with quantised disparities
 (6.3125 / 6.25).
 """
 
@@ -27,7 +27,7 @@ TOLERANCE = 0.01
 #: Values per row of a table of counts, one for each bit of a word; and most entries of such a table.
 _GROUP_BITS, _MOST_ENTRIES = 6, 2 ** 23
 _GROUP = 2 ** _GROUP_BITS
-#: Pixels whose counts are looked up at once: what is computed for them stays in the processor's cache.
+#: Pixels whose counts are looked up at once: the intermediate results stay in the processor's cache.
 _AT_ONCE = 2 ** 13
 
 
@@ -93,7 +93,7 @@ def _starts(sizes: np.ndarray) -> np.ndarray:
 
 
 def _ranked(ascending: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of sorted depths, the distinct ones, the place of each depth among them, and how often each occurs."""
+    """Of sorted depths: the distinct ones, the place of each depth among them, and the number of times each occurs."""
     first = np.ones(ascending.size, bool)
     np.not_equal(ascending[1:], ascending[:-1], out=first[1:])
     return ascending[first], np.cumsum(first) - 1, np.diff(np.append(np.flatnonzero(first), ascending.size))
@@ -166,12 +166,12 @@ class _Level:
 
 
 class _PrefixCounts:
-    """How many of ``values[:prefix]`` are less than a limit; of all values, and of those in each region.
+    """Counts the ``values[:prefix]`` that are less than a limit, over all values and over each region.
 
-    ``values`` are whole numbers from 0 on, of which each occurs ``sizes`` times. If few are different, a single table
-    has the answer. Otherwise they are taken digit by digit, in a base that keeps the tables small. The values that
-    agree with the limit in the higher digits are next to each other once the values are sorted by these, and a prefix
-    of them counts for the next digit (a wavelet tree with many branches).
+    ``values`` are whole numbers from 0 on; the number k occurs ``sizes[k]`` times. If few are different, a single table
+    has the answer. Otherwise they are taken digit by digit, in a base that keeps the tables small. Sorted by the higher
+    digits, the values that agree with the limit in these digits are next to each other, and a prefix of them counts for
+    the next digit (a wavelet tree with many branches).
     """
 
     def __init__(self, values: np.ndarray, sizes: np.ndarray, regions: Sequence[np.ndarray]) -> None:

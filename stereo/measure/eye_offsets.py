@@ -28,7 +28,7 @@ FEWEST = 100
 #: Blur, px, that reduces the noise of single pixels, and the width over which contrast is computed. Shading that
 #: depends on the direction of view varies over larger widths, and so drops out.
 _BLUR_PX, _CONTRAST_PX = 0.8, 3.5
-#: Contrast below which light counts as noise: as a part of the local brightness, and of that of the whole image.
+#: Contrast below which light counts as noise: as a share of the local brightness, and of the whole image's brightness.
 _FLOOR, _DARK = 0.02, 1e-3
 #: From this correlation of the light on, the images belong to their depth.
 FITTING = 0.6
@@ -36,9 +36,10 @@ FITTING = 0.6
 FEWEST_TILES = 8
 #: The truth of a higher image is compared in every second row, or every third, and so on: it has no noise.
 _ENOUGH_ROWS = 240
-#: The search for places of the left image in the right one, on images of about so many columns: the size of a place,
-#: px; the correlation from which it is found; and by how much this must exceed the correlation at the true disparity.
-#: A place has about a hundred grains of noise, of 3 px, so correlations of noise have a standard deviation of 0.1.
+#: The search for places of the left image in the right one: the approximate number of columns of the reduced images;
+#: the size of a place, px; the correlation from which it is found; and the least excess of this correlation over the
+#: one at the true disparity. A place has about a hundred grains of noise, of 3 px, so correlations of noise have a
+#: standard deviation of 0.1.
 _SMALL_PX, _PLACE_PX, _FOUND, _BETTER = 160, 6.0, 0.65, 0.15
 #: Mean square of the contrast from which a place has texture all over. A few bright dots in the dark fit any others.
 _TEXTURED = 0.2
@@ -62,7 +63,7 @@ class Estimate:
     error: float = float("nan")
 
     def exceeds(self, limit: float, errors: float) -> bool:
-        """Whether it is farther from 0 than ``limit`` and than so many standard errors."""
+        """Whether it is farther from 0 than ``limit`` and than ``errors`` standard errors."""
         return abs(self.value) > max(limit, errors * self.error)  # False for NaN
 
     @property
@@ -83,7 +84,7 @@ class TruthOffsets:
 
 @dataclass(frozen=True)
 class LightOffsets:
-    """The shifts at which the light of the right image, moved by the true disparity, fits that of the left one."""
+    """The shifts at which the light of the right image, moved by the true disparity, fits the left image."""
 
     shift_px: Estimate = Estimate()  # along the rows
     rows_px: Estimate = Estimate()
@@ -204,7 +205,7 @@ def light_offsets(left: np.ndarray, right: np.ndarray, column: np.ndarray, visib
 
 
 def light_correlation(image: np.ndarray, other: np.ndarray, column: np.ndarray, visible: np.ndarray) -> Estimate:
-    """Correlation of the light of one eye with that of the ``other`` one at ``column``: 1 if they agree fully."""
+    """Correlation of one eye's image with the ``other`` eye's image at ``column``: 1 if they agree fully."""
     with np.errstate(invalid="ignore"):
         where = visible & (column >= 1) & (column <= column.shape[1] - 2)
     if where.sum() < FEWEST:
@@ -232,7 +233,7 @@ def _single(image: np.ndarray) -> np.ndarray:
 
 
 class _Shifted:
-    """An image at the fractional columns that match those of another one, and beside them."""
+    """An image at the fractional columns that match the pixels of another image, and beside them."""
 
     def __init__(self, image: np.ndarray, column: np.ndarray) -> None:
         """``column`` (H, W) lies inside the image."""
@@ -255,7 +256,7 @@ class _Shifted:
 
 
 class _Contrasts:
-    """The local contrast of images over the same pixels, beside that of the first one."""
+    """The local contrast of a first image, and of other images over the same pixels to compare with it."""
 
     def __init__(self, image: np.ndarray, where: np.ndarray) -> None:
         self._where, self._count = where.astype(image.dtype), int(where.sum())
@@ -264,8 +265,8 @@ class _Contrasts:
         self._energy = tile_sums(self.own ** 2)[:, 0]
 
     def of(self, image: np.ndarray) -> np.ndarray:
-        """How much brighter a pixel is than those around it, in their standard deviations, limited to 1; 0 where no
-        pixel counts."""
+        """Brightness of a pixel above the mean around it, in standard deviations of the surroundings, limited to 1; 0
+        where no pixel counts."""
         light = image * self._where
         light /= max(float(light.sum(dtype=np.float64)) / self._count, float(np.finfo(light.dtype).tiny))
         mean = _smoothed(light, _CONTRAST_PX)

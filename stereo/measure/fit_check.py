@@ -3,7 +3,7 @@
 Data sets are read with a wrong unit, channel or orientation more often than they are wrong. So a map is held against
 places that are found in both images without it, and if it misses them, its numbers are read in other ways: distances
 along the ray, depths for disparities, upside down, mirrored, of exchanged eyes, with another factor. A reading is named
-only if it explains what the stated one does not; where the images have too few common places, nothing is stated.
+only if it explains places that the stated one misses; if the images have too few common places, nothing is stated.
 
 A prediction is held against the true disparity instead, which knows more places.
 ``benchmarks/fit_check.py`` measures false alarms on sound pairs and how often each fault is found.
@@ -23,10 +23,10 @@ from ...physics.camera.stereo_camera import StereoCamera
 
 #: Columns that images are reduced to before places are searched: enough for disparities to a pixel of them.
 _COLUMNS = 400
-#: Disparities that are searched: up to a share of the width, since eyes very near to the ground see a point so far
-#: apart, and from so many px below 0.
+#: Limits of the searched disparities: the greatest as a share of the width, which eyes very near to the ground need,
+#: and the least in px below 0.
 _SEARCHED, _BEYOND_PX = 0.75, 2
-#: Block, uniqueness (%) and size of the regions of which places count: noise makes smaller ones.
+#: Block, uniqueness (%) and least size of a region whose places count: noise makes smaller regions.
 _BLOCK_PX, _UNIQUE, _REGION_PX = 7, 12, 60
 #: A place agrees with a disparity within this, px of the reduced images and share of the disparity.
 _NEAR_PX, _NEAR_SHARE = 1.0, 0.03
@@ -40,13 +40,14 @@ _LEAST_SHARE = 0.05
 #: Share of the places that a right map explains at least, and that another one explains at most. Occluded and
 #: repeated places are missed by a right map too.
 _FITS, _FITS_NOT = 0.5, 0.25
-#: Two readings differ where their disparities do by this, px. The other one is named if they differ in this share of
-#: the places, if it is nearer to most of them in so many tiles, and if its median error is so much of the stated one's.
+#: Two readings differ where their disparities differ by the first number, px. The other reading is named if the two
+#: differ in at least the second share of the places, if it is nearer to most of them in at least the third share of the
+#: tiles, and if its median error is at most the fourth number times the stated reading's.
 _DIFFERENT_PX, _DIFFERENT_SHARE, _NEARER, _LESS = 0.5, 0.2, 0.75, 0.5
 
 
-#: Disparity of the reduced images, px, from which a small fault of scale is told; by how much it is off at least, as a
-#: logarithm and in px; and the ratios that count, as logarithms. Steep ground of sound pairs is off by 0.04.
+#: Disparity of the reduced images, px, from which a small fault of scale is told; the least fault, as a logarithm and
+#: in px; and the largest ratio that counts, as a logarithm. Steep ground of sound pairs is off by 0.04.
 _SCALED_PX, _OFF_SHARE, _OFF_PX, _RATIO = 5.0, 0.04, 0.25, 0.5
 #: Share of the tiles that a wrong scale shows in, and by which share of it at least.
 _SHOWN_IN, _SHOWN = 0.8, 0.3
@@ -56,15 +57,15 @@ _ZOOMS = tuple(math.exp(0.03 * k) for k in range(-26, 27) if abs(k) > 3)
 
 @dataclass(frozen=True)
 class Fault:
-    """Another reading that fits where the stated one does not, or none that does.
+    """A reading that fits where the stated one does not, or the fact that no reading fits.
 
-    ``kind`` is a key of ``KINDS``, or "nothing". ``factor`` is what the numbers are too large by.
+    ``kind`` is a key of ``KINDS``, or "nothing" if no reading fits. The numbers are ``factor`` times too large.
     """
 
     kind: str
     factor: float = 1.0
-    stated_share: float = float("nan")  # of the places that the stated reading explains
-    share: float = float("nan")  # of those that the other reading explains
+    stated_share: float = float("nan")  # of the places, explained by the stated reading
+    share: float = float("nan")  # of the places, explained by the other reading
 
 
 #: The readings that are tried, in words for "it fits …".
@@ -75,7 +76,7 @@ KINDS = {
     "swapped": "with the images exchanged"}
 
 
-#: What turns a map in the readings of these kinds.
+#: Functions that turn a map in the readings of these kinds.
 TURNS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "upside_down": lambda a: a[::-1], "mirrored": lambda a: a[:, ::-1], "turned": lambda a: a[::-1, ::-1]}
 
@@ -110,8 +111,8 @@ def known_places(disparity: np.ndarray) -> Places:
 
 
 def find_fault(values: np.ndarray, kind: str, camera: StereoCamera, places: Places) -> Fault | None:
-    """What is wrong with a map ``values`` (H, W) of "depth" (m) or "disparity" (px), NaN where unknown; None if it
-    fits, or if the images do not tell."""
+    """The fault of a map ``values`` (H, W) of "depth" (m) or "disparity" (px), NaN where unknown; None if it fits, or
+    if the images do not tell."""
     if not places.enough():
         return None
     stated = _reading(values, kind, camera)
@@ -132,9 +133,9 @@ def find_fault(values: np.ndarray, kind: str, camera: StereoCamera, places: Plac
 
 
 def find_misfit(values: np.ndarray, kind: str, camera: StereoCamera, places: Places) -> Fault | None:
-    """A small fault of a map in which ``find_fault`` finds none: a "scale" that is off by 4 % or more, whose
-    ``factor`` is what the numbers are too large by, or the map of a camera of another focal length at the same place, a
-    "zoom", whose ``factor`` is that focal length over the stated one."""
+    """A small fault of a map that ``find_fault`` does not find: a "scale" that is off by 4 % or more, so that the
+    numbers are ``factor`` times too large; or a "zoom", the map of a camera of another focal length at the same place,
+    whose ``factor`` is that focal length over the stated one. None if neither is found."""
     if not places.enough():
         return None
     thinned = _thinned(_reading(values, kind, camera), places.step) / places.step
@@ -146,9 +147,9 @@ def find_misfit(values: np.ndarray, kind: str, camera: StereoCamera, places: Pla
 
 
 def _find_scale(stated: np.ndarray, found: np.ndarray) -> float | None:
-    """What places that are found have of the stated disparity, if that is clearly not 1, in most parts of the image.
+    """Ratio of the found disparities to the stated ones, if it clearly differs from 1 in most parts of the image.
 
-    Each part gives the ratio that its places gather at, which those that are found wrongly hardly move.
+    Each part gives the ratio at which its places gather, which wrongly found places hardly move.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.log(found / stated)
@@ -174,8 +175,7 @@ def _half_sample_mode(values: np.ndarray) -> float:
 
 
 def _find_zoom(stated: np.ndarray, camera: StereoCamera, places: Places) -> float | None:
-    """By how much the focal length of a map is that of the camera, if a map so enlarged or reduced fits clearly
-    better."""
+    """Focal length of the map as a multiple of the camera's, if a map enlarged or reduced by it fits clearly better."""
     rows, columns = np.mgrid[:stated.shape[0], :stated.shape[1]].astype(np.float32)
     first = places.step // 2 + 0.5
     across, down = (camera.cx_px - first) / places.step, (camera.cy_px - first) / places.step
@@ -241,8 +241,8 @@ def _other_readings(values: np.ndarray, kind: str, camera: StereoCamera, places:
 
 
 def seen_from_other(disparity: np.ndarray, eye: str) -> np.ndarray:
-    """The disparities (H, W), px, that the map of ``eye`` gives the other one, of the nearer point where there are two;
-    NaN where there is none."""
+    """The disparities (H, W), px, that the map of ``eye`` gives the other eye. Where two points meet, the nearer one
+    counts; NaN where no point falls."""
     column = matching_column(np.nan_to_num(disparity), eye)
     place = np.rint(column).astype(np.int64)
     known = np.isfinite(disparity) & (place >= 0) & (place < disparity.shape[1])
@@ -283,7 +283,7 @@ def _is_clearer(disparity: np.ndarray, stated: np.ndarray, found: np.ndarray, pl
 
 
 def _is_nearer(other: np.ndarray, one: np.ndarray, found: np.ndarray, differs: np.ndarray) -> bool:
-    """Whether ``other`` disparities are clearly nearer than ``one`` to those that are found, where they differ; all
+    """Whether, where they differ, ``other`` disparities are clearly nearer than ``one`` to the ``found`` ones; all
     (H, W) and of the reduced images."""
     if not _is_spread(differs):
         return False
@@ -295,7 +295,7 @@ def _is_nearer(other: np.ndarray, one: np.ndarray, found: np.ndarray, differs: n
 
 
 def _share(disparity: np.ndarray, found: np.ndarray, step: int) -> float:
-    """The share of places at which a disparity (H, W) agrees with what is found; NaN if there are too few."""
+    """The share of places at which a disparity (H, W) agrees with the ``found`` one; NaN if the places are too few."""
     thinned = _thinned(disparity, step) / step
     with np.errstate(invalid="ignore"):
         both = np.isfinite(found) & ~np.isnan(thinned)

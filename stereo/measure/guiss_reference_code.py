@@ -1,4 +1,4 @@
-"""What the GUISS reference code would report for a disparity map, to compare with published tables.
+"""The numbers that the GUISS reference code would report for a disparity map, to compare with published tables.
 
 It differs from the metrics here in ways that matter (nasa-jpl/guiss: ``stereoBM_eval.py``, ``IGEV_eval.py``,
 ``utils.calc_metrics``, ``gen_res.calc_metrics_offline``, ``get_pairs``):

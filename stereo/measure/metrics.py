@@ -47,7 +47,7 @@ class Errors:
         self.distance = np.abs(self.error)
 
     def within(self, step: float) -> int:
-        """How many absolute errors are no larger than a step."""
+        """Number of absolute errors that are no larger than a step."""
         return int(np.count_nonzero(self.distance <= step))
 
     def smallest(self, *ranks: int) -> np.ndarray:
@@ -55,7 +55,7 @@ class Errors:
         return np.asarray(np.partition(self.distance, ranks)[list(ranks)])
 
     def wrong_by_kitti(self) -> int:
-        """How many are above 3 px and above 5 % of the true disparity."""
+        """Number of errors above 3 px and above 5 % of the true disparity."""
         return int(np.count_nonzero((self.distance > 3) & (self.distance > 0.05 * self.true)))
 
 
@@ -104,8 +104,8 @@ def disparity_metrics(prediction: np.ndarray, truth: np.ndarray) -> dict[str, fl
     """Metrics of disparities in px; two arrays of the same shape. With e = prediction - truth on V:
 
     ``epe_px`` mean |e|; ``bad_0_5``, ``bad_1``, ``_2``, ``_3`` share of |e| > 0.5, 1, 2, 3 px; ``d1`` share of
-    |e| > 3 px and > 5 % of the true disparity (KITTI 2015); ``a50_px``, ``a90_px``, ``a95_px``, ``a99_px`` quantiles
-    of |e|, below which so many per cent of the pixels are (Middlebury).
+    |e| > 3 px and > 5 % of the true disparity (KITTI 2015); ``a50_px``, ``a90_px``, ``a95_px``, ``a99_px`` the 50, 90,
+    95 and 99 % quantiles of |e| (Middlebury).
     """
     return metrics_of_disparity(Errors(prediction, truth))
 
@@ -152,8 +152,8 @@ def _named_quantiles(errors: Errors, total: int) -> dict[str, float]:
 
 
 def _quantiles(errors: Errors, shares: Sequence[float], total: int) -> list[float]:
-    """For each share the smallest error that at least so many of ``total`` pixels do not exceed; infinite if too few
-    are measured.
+    """For each share the smallest error that at least this share of ``total`` pixels does not exceed; infinite if too
+    few pixels are measured.
 
     It is always one of the errors, never a mean of two, so that infinite errors need no other rule.
     """
@@ -180,7 +180,7 @@ def curve_of_errors(errors: Errors) -> list[float]:
 
 
 def by_confidence(confidence: np.ndarray) -> np.ndarray:
-    """The indices of all pixels, the most confident ones first; those of equal confidence as they are in the image.
+    """The indices of all pixels, the most confident ones first; pixels of equal confidence in the image's order.
 
     It is taken in single precision: its bits are sorted in two halves, four times as fast as numbers are.
     """
@@ -192,7 +192,7 @@ def by_confidence(confidence: np.ndarray) -> np.ndarray:
 
 
 def sparsification(error_px: np.ndarray) -> list[float]:
-    """Mean |error| of the most confident measurements, for each share of SHARES that is kept; NaN if there is none.
+    """Mean |error| of the most confident measurements, for each share of SHARES that is kept; NaN if all are missing.
 
     ``error_px`` (pixels,) is in the order of ``by_confidence``, and NaN where nothing was measured. In ascending order
     it gives the best possible curve.

@@ -32,9 +32,9 @@ def find_plugins() -> Found:
 
 @dataclass(frozen=True)
 class MeasuredMap:
-    """What ``measure`` of a plug-in gets; arrays are (H, W) of the left image.
+    """The input of a plug-in's ``measure``; arrays are (H, W) of the left image.
 
-    ``disparity_px`` and ``depth_m`` are what the matcher found, NaN where nothing. ``true_disparity_px`` and
+    ``disparity_px`` and ``depth_m`` are the matcher's results, NaN where it found nothing. ``true_disparity_px`` and
     ``true_depth_m`` are the truth, NaN for sky. ``visible`` is true where the right eye sees the point too. ``left`` is
     the image, uint8, (H, W) or B, G, R (H, W, 3).
     """
@@ -80,7 +80,7 @@ class PluginMetric:
         return none_for_nan(float(value))
 
     def to_json(self) -> dict[str, Any]:
-        """What the report states about it."""
+        """The report's entry about the metric."""
         return {"name": self.plugin.name, "heading": self.heading, "unit": self.unit, "decimals": self.decimals,
                 "doc": summary_of(self.loaded), "plug_in": self.plugin.release}
 

@@ -44,13 +44,13 @@ class Loaded:
     light: dict[str, Light]  # as it falls into the eyes, see views.read_eye
     views: dict[str, View]  # on the parallel rig; the labels are NOT_SEEN where the sensor sees nothing
     images: Images
-    depth: dict[str, np.ndarray]  # float64 (H, W), planar metres, NaN for sky and for what the sensor does not see
+    depth: dict[str, np.ndarray]  # float64 (H, W), planar metres, NaN for sky and outside the sensor's view
     visible: dict[str, np.ndarray]  # bool (H, W), seen by the other eye too
     check: SelfCheck
 
 
 class MeasuredPair(Protocol):
-    """What measuring needs to know about a pair, rendered here or not."""
+    """The facts about a pair that measuring needs, rendered here or not."""
 
     @property
     def name(self) -> str:
@@ -70,19 +70,19 @@ class MeasuredPair(Protocol):
 
 @dataclass(frozen=True)
 class Prepared:
-    """What all methods need of a pair."""
+    """The data of a pair that all methods need."""
 
     pair: MeasuredPair
     left: np.ndarray  # uint8 (H, W), or (H, W, 3) in the order B, G, R, for the matchers
     right: np.ndarray
-    truth: np.ndarray  # float64 (H, W), planar metres, NaN for sky and for what the sensor does not see
+    truth: np.ndarray  # float64 (H, W), planar metres, NaN for sky and outside the sensor's view
     visible: np.ndarray  # bool (H, W), seen by the right eye too
     gradient: np.ndarray  # float64 (H, W), see by_pixel_class.texture
     classes: dict[str, np.ndarray]  # of every pixel by every factor, see by_pixel_class.classify
     check: SelfCheck
     scale: colours.Scale  # for pictures of depth
     facts: dict[str, Any]  # about the pair, for the report
-    occlusion_known: bool = True  # otherwise ``visible`` only leaves out what is outside the right image
+    occlusion_known: bool = True  # otherwise ``visible`` only leaves out points outside the right image
 
     @cached_property
     def known(self) -> np.ndarray:
@@ -108,7 +108,7 @@ class Prepared:
 def distinct_pairs(paths: Sequence[Path]) -> list[Path]:
     """The folders of all pairs at ``paths``, each pair once.
 
-    Raises IcyMoonError if there is none, or if two different pairs have the same name.
+    Raises IcyMoonError if no pair is found, or if two different pairs have the same name.
     """
     found: dict[str, Path] = {}
     for folder in (folder for path in paths for folder in find_pair_folders(path)):
@@ -161,7 +161,7 @@ def _baked_facts(pair: Pair) -> dict[str, float] | None:
     stated = pair.data.get("indirect")
     if not isinstance(stated, dict) or stated.get("method") != "BAKED":
         return None
-    # Pairs of older versions state only what the noise would be if it were the same all over the ground.
+    # Pairs of older versions state only the noise that a bake would have if it were the same all over the ground.
     numbers = {"noise": stated.get("noise_of_image", stated.get("noise")), "share": stated.get("share")}
     return {key: float(value) for key, value in numbers.items() if isinstance(value, (int, float))} | {
         "bound": float(pair.settings.quality.bake_noise)}
@@ -176,8 +176,8 @@ def _unneeded(eye: str, settings: Settings) -> tuple[str, ...]:
 
 
 def baked_error(loaded: Loaded) -> np.ndarray | float | None:
-    """What an error as large as that of baked light adds to the left image of the matchers, in grey levels of 255: 0 if
-    no light is baked, None if the pair does not contain it."""
+    """Grey levels of 255 that a possible error of baked light, as large as the actual one, adds to the left image of
+    the matchers: 0 if no light is baked, None if the pair does not contain the error."""
     if _baked_facts(loaded.pair) is None:
         return 0.0
     errors = read_baked_error(loaded.pair, "left")

@@ -1,14 +1,14 @@
-"""How much the noise of the render hides of a pair's texture, from its two eyes, the truth and the error of its bake.
+"""The share of a pair's texture that render noise hides, from its two eyes, the truth and the error of its bake.
 
-The right image is warped to the left one by the true disparity. What differs then is noise of both, and a rest from
-interpolation and from light that depends on the view. It is compared with the texture around each pixel: where the
+The right image is warped to the left one by the true disparity. The difference is then the noise of both, and a rest
+from interpolation and from light that depends on the view. It is compared with the texture around each pixel: where the
 texture is weaker than the noise (signal-to-noise ratio below 1), matchers compare noise.
 
 Noise of baked light is fixed to the ground, so it does not differ between the eyes: matchers take it for texture. The
-pair has an error as large as that of its baked light, and what it varies by around a pixel counts as noise too.
+pair contains a possible error as large as its baked light's; the variance of that error around a pixel counts as noise.
 
-The images are those of the matchers without the noise and the rounding of the sensor, which belong to what is
-evaluated. Light and shadow are judged apart: a few grey levels decide in shadow, and say nothing in the light.
+The images are the matchers' without the noise and the rounding of the sensor, which belong to the evaluation. Light and
+shadow are judged apart: a few grey levels decide in shadow, and say nothing in the light.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ import numpy as np
 from ...physics.camera.hidden_points import matching_column
 
 CLEAN, NOISY, DECIDES = "clean", "noisy", "noise decides"
-#: Of a pair with baked light whose error is not known, unless the rest of its noise decides.
+#: Verdict on a pair with baked light whose error is unknown, unless the rest of its noise decides.
 UNKNOWN = "unknown"
-#: What the larger part of the noise is of.
+#: Sources of the larger part of the noise.
 RENDER, BAKE = "render", "bake"
 #: Share of the lit or shaded pixels with more noise than texture up to which a pair is CLEAN, and up to which it is
 #: NOISY. On ten scenes each per cent of such pixels cost SGBM 0.09 to 0.31 points from 64 to 8 samples: 1 % at most 0.3
@@ -55,7 +55,7 @@ class Part:
     noise_dn: float | None  # standard deviation of the noise of one eye, in grey levels of 255
     hidden: float | None  # share of its pixels with less texture than noise
     baked_dn: float | None  # standard deviation of the noise of baked light; None if it is not known
-    by_bake: float | None  # share of the hidden pixels where the larger part of the noise is of baked light
+    by_bake: float | None  # share of the hidden pixels where the larger part of the noise comes from baked light
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class RenderNoise:
     """The noise of a pair. ``verdict`` is CLEAN, NOISY, DECIDES or UNKNOWN; None if nothing could be compared."""
 
     verdict: str | None
-    larger: str | None  # RENDER or BAKE, of which most of the noise is that hides most; None if nothing is hidden
+    larger: str | None  # RENDER or BAKE, the source of most of the noise that hides most; None if nothing is hidden
     lit: Part
     shadow: Part
     #: Share of the pixels that noise may make wrong or missing, or right if it is fixed to the ground: smaller
@@ -79,8 +79,8 @@ def render_noise(left: np.ndarray, right: np.ndarray, disparity: np.ndarray, vis
                  baked: np.ndarray | float | None = 0.0) -> RenderNoise:
     """Judge a pair by its images, float (H, W) in grey levels of 255, and its true disparity (H, W).
 
-    ``baked`` (H, W) is what an error as large as that of its baked light adds to the left image, in the same levels: 0
-    if no light is baked, None if the error is not known.
+    ``baked`` (H, W) is the change of the left image, in the same levels, by a possible error as large as its baked
+    light's: 0 if no light is baked, None if the error is unknown.
     """
     error, known = _noise(left, right, disparity, visible)
     if not known.any():
@@ -147,7 +147,7 @@ def _mean_around(values: np.ndarray, known: np.ndarray) -> np.ndarray:
 def _texture_over_noise(left: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """Ratio (H, W) of the standard deviations of texture and of noise, whose variance is given; infinite without noise.
 
-    What is neither texture nor noise is no fault of the noise.
+    Pixels with neither texture nor noise are not counted against the noise.
     """
     texture = np.maximum(_variance(left) - noise, 0.0)
     return np.sqrt(np.divide(texture, noise, out=np.full(noise.shape, np.inf), where=noise > _NO_NOISE_DN ** 2))

@@ -30,12 +30,12 @@ from .eye_offsets import (
     truth_offsets,
 )
 
-#: Largest offsets between the truth of both eyes: px, relative f·B, rows. Those of sound pairs are below 1e-4 px.
+#: Largest offsets between the truth of both eyes: px, relative f·B, rows. In sound pairs they are below 1e-4 px.
 TRUTH_LIMITS = {"shift_px": 0.02, "scale": 0.001, "rows_px": 0.02}
-#: A number is wrong if it differs from its right value by more than so many standard errors. Normal errors do so once
-#: in a million times, but highlights and edges of shadows in neighbouring tiles are not independent.
+#: Standard errors beyond which a number is wrong. Normal errors exceed them once in a million times, but highlights and
+#: edges of shadows in neighbouring tiles are not independent.
 ERRORS = 5.0
-#: A shift must raise the correlation by so many standard errors. A wide highlight has its peak elsewhere, but so flat
+#: Least gain of the correlation by a shift, in standard errors. A wide highlight has its peak elsewhere, but so flat
 #: that the gain is small.
 GAIN_ERRORS = 3.0
 #: Largest shift of the light, px, of a sound pair.
@@ -151,8 +151,8 @@ def _tells(light: LightOffsets) -> bool:
 def _disagreement(left: Eye, right: Eye, column: np.ndarray, visible: np.ndarray) -> float | None:
     """Median relative difference of the left radiance and the right one, moved by the true disparity.
 
-    In a good pair this is render noise and what is not Lambertian about the surface. With a wrong f·B or exchanged eyes
-    it is the whole contrast of the texture.
+    In a good pair this is render noise and the part of the light that is not Lambertian. With a wrong f·B or exchanged
+    eyes it is the whole contrast of the texture.
     """
     if not visible.any():
         return None

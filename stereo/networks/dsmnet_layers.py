@@ -1,6 +1,6 @@
 """The parts of DSMNet: domain normalisation, features, guidance, volume aggregation.
 
-Attribute names are those of the official code, feihuzhang/DSMNet (MIT), since they are the keys of its
+Attribute names come from the official code, feihuzhang/DSMNet (MIT), since they are the keys of its
 checkpoints; some of the layers in a checkpoint served its training only.
 """
 
@@ -52,7 +52,7 @@ class BasicConv(nn.Module):
 
 
 class Joined(nn.Module):
-    """To half the size, or twice with ``deconv``, joined with what is there already."""
+    """Resizes to half the size, or to twice with ``deconv``, and joins the result with features of that size."""
 
     def __init__(self, inputs: int, outputs: int, deconv: bool = False, volume: bool = False) -> None:
         super().__init__()
@@ -132,7 +132,7 @@ class Features(nn.Module):
 
 
 class _Similarities(nn.Module):
-    """(N, 9, H, W): cosine between a pixel's channels and those of its 3 x 3 neighbours, scaled to a sum of 1."""
+    """(N, 9, H, W): cosine between a pixel's channels and its 3 x 3 neighbours' channels, scaled to a sum of 1."""
 
     def forward(self, x: Tensor) -> Tensor:
         height, width = x.shape[2:]

@@ -108,7 +108,7 @@ def group_correlation(left: Tensor, right: Tensor, planes: int) -> Tensor:
 
 
 class LookUp:
-    """What the geometry volume and the correlation of all pixels of a row say around a disparity."""
+    """Samples of the geometry volume and of the correlation of all pixels of a row, around a disparity."""
 
     def __init__(self, volume: Tensor, left: Tensor, right: Tensor) -> None:
         count, groups, planes, height, width = volume.shape

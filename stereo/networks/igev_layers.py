@@ -1,6 +1,6 @@
 """The parts of IGEV-Stereo: convolutions, features, context, volume aggregation, recurrent update.
 
-Attribute names are those of the official code, gangweiX/IGEV (MIT), since they are the keys of its
+Attribute names come from the official code, gangweiX/IGEV (MIT), since they are the keys of its
 checkpoints; some of the layers in a checkpoint served its training only.
 """
 
@@ -76,7 +76,7 @@ class Features(MobileNetTrunk):
 
 
 class FeatureAtt(nn.Module):
-    """Weighs the channels of a volume by what the left image shows at that place."""
+    """Weighs the channels of a volume by the features of the left image at the same place."""
 
     def __init__(self, channels: int, features: int) -> None:
         super().__init__()

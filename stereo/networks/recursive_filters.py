@@ -10,12 +10,12 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F  # noqa: N812, its usual name
 
-#: What has been filtered when a pixel is, as (rows, columns): above, above left, above right, left.
+#: Neighbours that are filtered before a pixel, as (rows, columns): above, above left, above right, left.
 _NEIGHBOURS = ((-1, 0), (-1, -1), (-1, 1), (0, -1))
 
 
 def nlf(x: Tensor, guide: Tensor) -> Tensor:
-    """(N, C, H, W): four scans, each of what the last one left: down, up, to the right, to the left.
+    """(N, C, H, W): four scans, each of the previous result: down, up, to the right, to the left.
 
     A pixel becomes the mean of itself and of its already filtered neighbours, weighted by the softmax of
     the inner products of ``guide`` (N, G, H, W); a neighbour outside the image is the pixel itself.
@@ -62,7 +62,7 @@ def _shifted(x: Tensor, rows: int, columns: int) -> Tensor:
 
 
 def _scan_weights(guide: Tensor) -> Tensor:
-    """(N, 5, H, W), of the pixel and its neighbours; those of missing neighbours are the pixel's own."""
+    """(N, 5, H, W): weights of the pixel and its neighbours; the weight of a missing neighbour goes to the pixel."""
     products = [(guide * guide).sum(1), *((guide * _shifted(guide, *place)).sum(1) for place in _NEIGHBOURS)]
     weights = F.softmax(torch.stack(products, 1), 1)
     there = torch.stack([_shifted(torch.ones_like(products[0]), *place) for place in _NEIGHBOURS], 1)

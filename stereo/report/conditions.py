@@ -1,4 +1,4 @@
-"""The conditions of pairs in words: the values of what varies, or the presets that they are from."""
+"""The conditions of pairs in words: the values of the varied settings, or the presets that the pairs are from."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ...settings.table import TOPICS
 from ...settings.topics.declaration import Parts
 from .by_setting import SCENE, Sweep
 
-#: Most conditions that results are given for.
+#: Maximum number of conditions with results.
 MOST = 40
-#: Effects of the settings that make a scene what it is, whatever light and camera it has.
+#: Effects of the settings that define a scene, apart from its light and camera.
 _OF_SCENE = ("geometry", "material")
 #: Most values in the title of a pair.
 _MOST_IN_TITLE = 3
@@ -121,13 +121,13 @@ def _name_presets(levels: Sequence[Parts]) -> list[str]:
 
 
 def preset_title(settings: Parts) -> str:
-    """The title of the shipped scene that a pair was rendered from, unchanged; empty if there is none."""
+    """The title of the shipped scene that a pair was rendered from, unchanged; empty for any other scene."""
     matching = [(len(stated), name) for name, stated in _presets() if is_whole(name) and _has(settings, stated)]
     return preset_header(max(matching)[1])[0] if matching else ""
 
 
 def _scene_title(settings: Parts) -> str:
-    """The title of the shipped scene whose ground and surfaces these settings have; empty if there is none."""
+    """The title of the shipped scene whose ground and surfaces these settings have; empty for any other scene."""
     found = []
     for name, stated in _presets():
         ground = {place: value for place, value in stated.items() if TOPICS[place[0]][place[1]].effect in _OF_SCENE}
@@ -139,7 +139,7 @@ def _scene_title(settings: Parts) -> str:
 
 @cache
 def _presets() -> list[tuple[str, dict[tuple[str, str], Any]]]:
-    """What each shipped preset states about the images, without how to render them."""
+    """The settings of each shipped preset that concern the images, without the settings of rendering."""
     return [(name, {(topic, key): value for topic, values in load_preset(name).items() for key, value in values.items()
                     if TOPICS[topic][key].effect not in ("run", "sampling")}) for name in preset_names()]
 

@@ -9,10 +9,10 @@ import numpy as np
 
 from .by_setting import POSES, Sweep
 
-#: Most values of a setting that have a line each; the values of a number beyond that form so many groups.
+#: Maximum number of values of a setting with a line each; number of groups that more values of a number form.
 MOST_LINES, _GROUPS = 6, 4
-#: Share of the combinations of two settings that must occur, and pairs for each value of a setting, for these to have
-#: been varied on purpose: values that are drawn at random are all different.
+#: Settings count as varied on purpose if this share of the combinations of two of them occurs, with this many pairs for
+#: each value of a setting: values that are drawn at random are all different.
 _CROSSED, _REPEATED = 0.9, 2
 
 

@@ -79,9 +79,9 @@ def _read_template() -> jinja2.Template:
 def write_report(report: Mapping[str, Any], ranking: Mapping[str, Any], chosen: Sequence[str], titles: Sequence[str],
                  conditions: Sequence[Condition], table: Table, sweeps: Sequence[Sweep], methods: Sequence[Method],
                  out: Path, guiss: bool) -> None:
-    """Write ``out/report.html`` from the result of ``evaluate`` and the pictures in ``out``; it contains those of the
-    pairs ``chosen`` and of a typical pair of each condition. ``ranking``: see ``ranking.rank_methods``; ``titles``: of
-    all pairs, see ``conditions``."""
+    """Write ``out/report.html`` from the result of ``evaluate`` and the pictures in ``out``. It contains the pictures
+    of the pairs ``chosen`` and of a typical pair of each condition. ``ranking``: see ``ranking.rank_methods``;
+    ``titles``: of all pairs, see ``conditions``."""
     script = (_HERE / "report.js").read_text(encoding="utf-8").strip()
     typical = choose_typical(table, conditions)
     names = {*chosen, *(table.pairs[pair] for _, pair in typical)}

@@ -1,4 +1,4 @@
-"""What a reader must know before the numbers: sentences on pairs whose results say less than they seem to."""
+"""Notes for the reader before the numbers: sentences on pairs whose results say less than they seem to."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _FIXES = {STATED: "Leave the option out, and the range follows from the rig.",
 
 @dataclass(frozen=True)
 class Note:
-    """What a reader must know, in brief and in ``detail``; ``sentence`` is both.
+    """A note for the reader, in brief and in ``detail``; ``sentence`` is both.
 
     It is ``doubtful`` if results may be wrong or unfair for that reason, and not if it is a fact about the data.
     """

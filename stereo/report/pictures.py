@@ -17,7 +17,7 @@ from .table_columns import RANKING
 
 #: Most pictures in the file: as JPEG of 480 px they take about 25 kB each, and a third more as text.
 MOST_PICTURES = 300
-#: How many of them the matrix of conditions and methods may take.
+#: Most pictures in the matrix of conditions and methods.
 MOST_IN_MATRIX = 96
 _WIDTH_PX = 480
 _JPEG_QUALITY = 80
@@ -75,7 +75,7 @@ def picture_matrix(typical: Sequence[tuple[Condition, int]], table: Table, facts
     """A row for each condition: its ``name``, the name of its typical ``pair``, the ``left`` image and, for each
     method, the ``row`` and its ``error`` picture, empty if the method failed.
 
-    ``facts`` are by pair, ``rows`` those of all pairs and methods.
+    ``facts`` are by pair; ``rows`` are of all pairs and methods.
     """
     count, found = len(table.methods), []
     for condition, number in typical:

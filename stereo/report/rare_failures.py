@@ -1,11 +1,12 @@
 """Methods that fail heavily in few pairs, so that chance decides how many of these failures a data set contains.
 
-Whether such a method is better on average depends on them, and no test of means can know how many there might have
-been: with 6 scenes it calls equal methods different in 27 of 100 data sets instead of 5 (see ``docs/theory/metrics``).
-The sign is that a tenth of the pairs contain a third of a method's error beyond that of the other methods there, and
-the others, by their median, have less than half as much. If nothing is special about any pair, a tenth of the pairs has
-a tenth of the error; with lognormal errors it has a third only if they vary by a factor of 2.3 from pair to pair, where
-those of ordinary methods vary by 1.6. What is hard for all methods is no sign, as it cancels in their differences.
+Whether such a method is better on average depends on these failures, and no test of means can know how many there might
+have been: with 6 scenes it calls equal methods different in 27 of 100 data sets instead of 5 (see
+``docs/theory/metrics``). The sign: in at most a tenth of the pairs, a method's excess over the other methods' median
+is at least a third of its error in all pairs, and at least half of its error in these pairs. If nothing is special
+about any pair, a tenth of the pairs has a tenth of the error. With lognormal errors it has a third only if the errors
+vary by a factor of 2.3 from pair to pair; errors of ordinary methods vary by 1.6. Pairs that are hard for all methods
+are no sign, as they cancel in the differences.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from ..matchers.methods import describe_method
 from .summary import Table
 from .table_columns import RANKING
 
-#: The part of the error that the sign needs, in at most this part of the pairs.
+#: The sign needs at least the first share of the error in at most the second share of the pairs.
 ERROR_SHARE, PAIR_SHARE = 1 / 3, 1 / 10
-#: The part of its own error there by which a method exceeds the others.
+#: Least excess of a method over the others in these pairs, as a share of its error there.
 _AVOIDED = 1 / 2
 
 

@@ -86,7 +86,7 @@ class RowLog:
         self._rows[row["pair"], row["method"]] = end, row["key"]
 
     def compact(self, first: Iterable[tuple[str, str]]) -> None:
-        """Keep one line per (pair, method): first those of ``first``, in its order."""
+        """Keep one line per (pair, method): first the lines of ``first``, in its order."""
         order = dict.fromkeys(first)
         order |= dict.fromkeys(self._rows)
         places = {}

@@ -36,13 +36,13 @@ from .summary import Table
 
 #: Metrics that are drawn against settings that vary, with factor and name.
 SWEPT = (("l1_m", 1.0, "Mean absolute depth error (m)"), ("total_bad_1", 100.0, "% missing or > 1 px"))
-#: Most settings that are drawn.
+#: Maximum number of settings that are drawn.
 MOST_SWEEPS = 16
-#: Most methods whose charts have a line for each value of another setting, as each method then has charts of its own.
+#: Maximum number of methods for charts with a line for each value of another setting: each method has separate charts.
 _MOST_SPLIT = 6
-#: Most settings that are named as varying together with another.
+#: Maximum number of settings that are named as varying together with another one.
 _MOST_NAMED = 5
-#: Inches that a chart is high, and the parts by which the colour of a method is made lighter and darker for its lines.
+#: Height of a chart in inches, and the shares by which a method's colour is made lighter and darker for its lines.
 _HEIGHT, _LIGHTER, _DARKER = 2.9, 0.55, 0.12
 #: Characters in a line of a tick's label, and at most in all.
 _TICK, _LONGEST_TICK = 14, 28
@@ -54,7 +54,7 @@ _DPI = 120
 
 @dataclass(frozen=True)
 class SweepCharts:
-    """The charts of a setting that varies, as SVG in rows, and what a reader must know of them, in sentences.
+    """The charts of a setting that varies, as SVG in rows, and notes on them in sentences.
 
     ``of_all`` is true if every chart shows all methods, which then need a legend.
     """
@@ -110,7 +110,8 @@ def write_curves(summary: Summary, table: Table, sweeps: Sequence[Sweep], out: P
 
 
 def _lines_of(sweep: Sweep, sweeps: Sequence[Sweep], summary: Summary) -> Lines | None:
-    """The lines that the charts of a setting have for another one; None if there is none, or too many methods."""
+    """The lines that the charts of a setting have for another one; None without such a setting or for too many
+    methods."""
     return lines_for(sweep, sweeps) if len(summary) <= _MOST_SPLIT else None
 
 
@@ -139,7 +140,7 @@ def _draw_apart(sweep: Sweep, lines: Lines, summary: Summary, table: Table) -> l
 
 
 def _caption(sweep: Sweep, lines: Lines | None, sweeps: Sequence[Sweep], table: Table) -> str:
-    """What the charts of a setting show, over what their means are, and what cannot be told apart."""
+    """Caption of the charts of a setting: its title, the pairs of the means, and settings that vary together."""
     point = sweep.levels()[2]
     if lines:
         point = np.where((point >= 0) & (lines.of >= 0), point * len(lines.names) + lines.of, -1)
@@ -180,7 +181,7 @@ def _draw_lines(sweep: Sweep, lines: Lines, axis: Axes, metric: tuple[str, float
 
 def _draw_means(sweep: Sweep, axis: Axes, metric: tuple[str, float, str], table: Table, method: int,
                 place: tuple[int, int], look: dict[str, Any], among: np.ndarray | None = None) -> None:
-    """Draw the means of a method with their intervals, ``place`` (k of n) beside those of the others."""
+    """Draw the means of a method with their intervals, at ``place`` (k of n) beside the other methods."""
     _, places, _ = sweep.levels()
     key, factor, _ = metric
     mean, bounds = mean_by_level(sweep, table, method, key, among)

@@ -89,7 +89,7 @@ def format_number(entry: Mapping[str, Any], column: Column, prefix: str = "") ->
 
 
 def format_interval(bounds: Sequence[float | None] | None, column: Column) -> str:
-    """The bounds of a mean, "low … high"; empty if there are none."""
+    """The bounds of a mean, "low … high"; empty for an unknown bound."""
     if bounds is None or None in bounds:
         return ""
     return " … ".join(_format(bound, column) for bound in bounds)
@@ -98,8 +98,8 @@ def format_interval(bounds: Sequence[float | None] | None, column: Column) -> st
 def format_result(entry: Mapping[str, Any], column: Column) -> str:
     """The number of a method in its summary, without unit; a dash if it is undefined.
 
-    A method that measured nothing has no result: it is not the worst, and its coverage is no achievement. What it cost
-    stands.
+    A method that measured nothing has no result: it is not the worst, and its coverage is no achievement. Only its cost
+    is shown.
     """
     return format_number(entry, column) if entry["n"] or column == SECONDS else "–"
 

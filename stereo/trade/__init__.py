@@ -1,1 +1,1 @@
-"""Speed against accuracy: ways to render one scene, and what each does to stereo."""
+"""Speed against accuracy: ways to render one scene, and the effect of each on stereo."""

@@ -1,4 +1,4 @@
-"""The advice of a trade in words: which variant to use, what each group saves, and what noise leaves open."""
+"""The advice of a trade in words: the variant to use, the saving of each group, and the doubt from noise."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def _subjects(methods: Sequence[str]) -> list[tuple[str, Sequence[str]]]:
 
 def decision_advice(rows: Sequence[Row], methods: Sequence[str], references: Sequence[Row]) -> list[str]:
     """The cheapest variant that leads to the same decisions as the reference, for all matchers and for each, in words;
-    or why there is none."""
+    or the reason why no variant is named."""
     alike = [row for row in rows if row["group"] not in SHAPES and row["cpu_s"] is not None and row["decisions"]]
     if not alike:
         return [reference["undecided"] for reference in references[:1] if reference["undecided"]]
@@ -68,8 +68,8 @@ def _decision_line(name: str, methods: Sequence[str], rows: Sequence[Row], scene
 def pareto_fronts(rows: Sequence[Row], methods: Sequence[str]) -> dict[str, list[Row]]:
     """For the radiance and for each matcher, the variants that no other beats in both cost and error, cheapest first.
 
-    Without variants of another shape, whose errors are relative to another image; for matchers also without those of
-    other light.
+    Without variants of another shape, whose errors are relative to another image; for matchers also without variants
+    with other light.
     """
     alike = [row for row in rows if row["group"] not in SHAPES]
     shown = [row for row in rows if _shows(row)]
@@ -89,7 +89,7 @@ def distinct_steps(found: Sequence[Row], label: str) -> list[Row]:
 
 
 def _error(row: Row, label: str) -> tuple[float, float]:
-    """The error of a variant on a front, and how much noise may change it; a tenth for the radiance."""
+    """The error of a variant on a front, and the change of it that noise may make; a tenth for the radiance."""
     if label == "radiance":
         return row["rmse"], 0.1 * row["rmse"]
     return row["loss"][label]["epe_px"], row["loss_doubt"][label]["epe_px"] or 0.0
@@ -215,7 +215,7 @@ def _cheaper(row: Row, other: Row, margin: float) -> bool:
 
 
 def _light_text(row: Row, scene: Row | None) -> str:
-    """How much a variant changes the mean radiance of the reference or, if given, of the scene as described."""
+    """Change of the mean radiance by a variant, against the reference or, if given, the scene as described."""
     change = (1 + row["bias"]) / (1 + scene["bias"]) - 1 if scene is not None else row["bias"]
     doubt = math.hypot(row["bias_doubt"] or 0.0, (scene["bias_doubt"] or 0.0) if scene is not None else 0.0)
     return f"the light by {100 * change:+.2f} ± {100 * doubt:.2f} %"

@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 
 #: Most renders of a candidate; more renders reduce the doubt that noise leaves.
 _MOST_RENDERS = 4
-#: How much leaving out a part may change the mean radiance, and the share of the time that it must save.
+#: Largest change of the mean radiance by leaving out a part, and the share of the time that this must save.
 _LIGHT, _SAVED = 0.01, 0.05
 #: Settings of the quality that are always written, even if the choice does not change them.
 _ALWAYS_WRITTEN = ("samples", "denoiser", "noise_threshold")
 
 
 def find_cheapest_quality(bench: Bench, tolerance: Tolerance) -> dict[str, Any]:
-    """Find the cheapest quality whose stereo error is within ``tolerance`` of that of an image without noise, for every
-    matcher, in 19 of 20 cases. Write it to ``auto.toml`` in ``bench.out``, with everything that was tried.
+    """Find the cheapest quality whose stereo error is within ``tolerance`` of the error of an image without noise, for
+    every matcher, in 19 of 20 cases. Write it to ``auto.toml`` in ``bench.out``, with everything that was tried.
 
-    Tries the candidates from the cheapest on, and stops at the first that is within. Then it leaves out parts of the
-    light, one by one, if the error stays within, the mean radiance changes by at most 1 %, and the time is less.
+    Tries the candidates from the cheapest on, and stops at the first within ``tolerance``. Then it leaves out parts of
+    the light, one by one, if the error stays within, the mean radiance changes by at most 1 %, and the time is less.
     Returns ``chosen`` (its name, or None), ``settings`` (to use), ``said`` (the result in words, a line each), ``file``
     and ``tried``: for each candidate its name, seconds, renders, losses with their doubts, ``bias``, and whether it is
     ``within`` (None: noise leaves that open). Raises IcyMoonError if a render fails.
@@ -104,7 +104,7 @@ class _Search:
             label].items()}) for label, loss in found["loss"].items())
 
     def tried_lines(self) -> list[str]:
-        """What was tried, in words, a line each."""
+        """The tried candidates, in words, a line each."""
         words = {True: "within", False: "", None: "hidden by noise"}
         return [f"{step['name']}: {step['cpu_s']:.1f} CPU s; " + ", ".join(
             self._loss_text(label, step) for label in step["loss"]) + (f"; {words[step['within']]}" * (

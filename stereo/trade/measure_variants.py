@@ -1,7 +1,7 @@
 """Rendering the variants of a scene and measuring them, for a trade of speed against accuracy.
 
-Runs in the evaluator's Python. Every render is a process of its own with Blender, so that its seconds and memory are
-those of one render. Existing renders are not repeated.
+Runs in the evaluator's Python. Every render is a separate process with Blender, so that its seconds and memory belong
+to one render. Existing renders are not repeated.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Bench:
     repeats: int  # renders per variant; from two on, noise can be separated from other errors
     on_event: Event = lambda event: None
     own: tuple[str, ...] = ()  # the user's own matchers, see ``methods.parse_own_matchers``
-    images: int = 1  # of the ground under this Sun, which share what it takes to bake its light
+    images: int = 1  # of the ground under this Sun, which share the cost of baking its light
 
 
 def scaled_view(settings: Settings, factor: float) -> Settings:
@@ -91,7 +91,7 @@ def run_trade(bench: Bench, groups: Sequence[str] = ()) -> dict[str, Any]:
 
 
 def check_abilities(bench: Bench, settings: Settings) -> Abilities:
-    """Find out what the Blender of the bench can do, and warn about variants that are left out.
+    """Find out the abilities of the bench's Blender, and warn about variants that are left out.
 
     Raises IcyMoonError if it cannot render these settings.
     """
@@ -121,7 +121,7 @@ def render_all(variant: Variant, bench: Bench, counter: RenderCounter) -> list[P
 
 
 def render_once(variant: Variant, repeat: int, bench: Bench, counter: RenderCounter) -> list[Path]:
-    """Render a variant once, in a process of its own, unless this is already done; return the pair folder.
+    """Render a variant once, in a separate process, unless this is already done; return the pair folder.
 
     Raises IcyMoonError with the name of the variant and the error of Blender's process.
     """

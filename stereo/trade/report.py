@@ -51,11 +51,11 @@ _DECIDED = ("otherwise", "otherwise_doubt", "unsafe", "unsafe_doubt", "shift_m",
 
 def write_trade(rows: Sequence[Mapping[str, Any]], methods: Sequence[str], references: Sequence[Mapping[str, Any]],
                 groups: Mapping[str, str], provenance: Mapping[str, Any], out: Path) -> dict[str, Any]:
-    """Write ``trade.json``, ``trade.csv`` and ``trade.html`` to ``out``; return what is in the JSON.
+    """Write ``trade.json``, ``trade.csv`` and ``trade.html`` to ``out``; return the content of the JSON.
 
     ``rows``: per variant ``group``, ``name``, ``changed`` (settings by topic.key) and the result of ``losses.measure``.
-    ``references``: ``name``, ``noise``, ``cpu_s``, ``stereo``, ``own``, ``own_decisions`` and ``undecided`` of each.
-    ``groups``: a description of each.
+    ``references``: per reference ``name``, ``noise``, ``cpu_s``, ``stereo``, ``own``, ``own_decisions`` and
+    ``undecided``. ``groups``: a description of each group of variants, by its key.
     """
     best = pareto_fronts(rows, methods)
     report = {"format": FORMAT, "version": VERSION, "methods": list(methods), "references": list(references),
