@@ -17,7 +17,7 @@ from .gltf import find_buffers, read_gltf
 FORMATS = {".obj": "OBJ", ".ply": "PLY", ".stl": "STL", ".gltf": "glTF", ".glb": "glTF", ".usd": "USD", ".usda": "USD",
            ".usdc": "USD", ".usdz": "USD", ".fbx": "FBX"}
 _OPENING = 65536
-#: Statements by one of which an OBJ file is known.
+#: An OBJ file has at least one line that begins with one of these words.
 _OBJ_WORDS = (b"v", b"#", b"o", b"g", b"mtllib")
 #: Measured on a grid of a million triangles that Blender 5.0 wrote: bytes of file per triangle where no header
 #: counts them; seconds and bytes of memory per triangle to read, examine and repair it, on a 2-core server.
