@@ -53,7 +53,7 @@ def sample(field: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarr
 
 
 def warp(field: np.ndarray, rows_px: np.ndarray, columns_px: np.ndarray) -> np.ndarray:
-    """The field where each pixel shows the value that lies so many pixels away."""
+    """The field with the value at each pixel taken from ``rows_px`` and ``columns_px`` pixels away."""
     axis = np.arange(len(field), dtype=float)
     return sample(field, axis[:, None] + rows_px, axis[None, :] + columns_px)
 

@@ -70,7 +70,7 @@ def _find_files(folders: Sequence[Path]) -> Iterator[str]:
 
 
 def load_library(folders: Sequence[Path] = ()) -> ctypes.CDLL | None:
-    """Embree, from one of ``folders``, else from the package embreex or the system; None if there is none."""
+    """Embree, from one of ``folders``, else from the package embreex or the system; None if none of them has it."""
     for file in _find_files(folders):
         try:
             library = ctypes.CDLL(file)

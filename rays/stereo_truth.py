@@ -1,4 +1,4 @@
-"""The truth of a stereo pair at the centres of pixels: depth, normals, labels, and what the other eye does not see."""
+"""The truth of a stereo pair at the centres of pixels: depth, normals, labels, and points hidden from the other eye."""
 
 from __future__ import annotations
 
@@ -75,8 +75,8 @@ class Stage:
 
 def trace_eyes(stage: Stage, eyes: Mapping[str, Eye], baseline_m: float, near_m: float,
                far_m: float) -> dict[str, EyeTruth]:
-    """The truth of two eyes that are ``baseline_m`` apart, by their names. What is nearer than ``near_m`` or further
-    away than ``far_m`` is not seen."""
+    """The truth of two eyes that are ``baseline_m`` apart, by their names. They see nothing nearer than ``near_m``
+    or further away than ``far_m``."""
     left, right = eyes
     return {eye: _trace_eye(stage, eyes[eye], eyes[other], baseline_m, near_m, far_m)
             for eye, other in ((left, right), (right, left))}
