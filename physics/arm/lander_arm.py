@@ -57,7 +57,7 @@ def joint_facts(settings: Settings) -> dict[str, list[object]]:
 
 
 def solids_of(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dict[str, Solid]:
-    """The solid of each link by name, but for the cameras' head: what is still, then the arm, each in its own frame.
+    """The solid of each link by name, in its own frame: first the still links, without the cameras' head, then the arm.
 
     ``pads_m`` are the heights of the ground under the left and the right pad over the level of the lander's frame.
     """

@@ -81,7 +81,7 @@ def overscan_needed(rig: RigSettings) -> float | None:
     seen = undistort((border - principal) / focal, coefficients(rig)) * focal + principal
     if not np.isfinite(seen).all():
         return None
-    # Pixels are interpolated between rendered centres, so the outermost must lie at or beyond what is seen.
+    # Pixels are interpolated between rendered centres, so the outermost centres must enclose all points that are seen.
     beyond = np.maximum(0.5 - seen.min(axis=0), seen.max(axis=0) - (size - 0.5))
     return float(np.max(np.maximum(beyond - 1e-6, 0) / size))
 

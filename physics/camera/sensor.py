@@ -1,6 +1,6 @@
 """A camera's sensor: from the light on a pixel to the number that is read out of it.
 
-The chain is that of EMVA 1288: photo-electrons proportional to light and exposure time, dark
+The chain follows EMVA 1288: photo-electrons proportional to light and exposure time, dark
 current, their Poisson noise, a well that overflows, fixed patterns, the noise of reading, an
 analogue-digital converter with a black level. All of it happens after rendering, so a change of
 exposure or gain never needs a new render.

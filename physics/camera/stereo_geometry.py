@@ -76,7 +76,7 @@ def coarse_advice(rig: RigSettings, edge_m: float) -> list[str]:
 
 
 def depth_error_m(depth_m: float, rig: RigSettings, disparity_error_px: float) -> float:
-    """Standard deviation of depth Z² σ / (f B) where disparity has that of σ pixels."""
+    """Standard deviation of depth, Z² σ / (f B), for a standard deviation σ of disparity in pixels."""
     return depth_m**2 * disparity_error_px / (focal_px(rig) * float(rig.baseline_m))
 
 

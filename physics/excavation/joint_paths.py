@@ -25,7 +25,7 @@ from .paths import MOST_PLACES, pulls_through
 
 #: Between two recorded lines the joints turn evenly, in steps of at most this many degrees (or centimetres).
 _STEP_DEG = 1.0
-#: Height in metres over the ground under which a pull counts, so that what is between its ends is not missed.
+#: A pull counts if the blade comes lower than this above the ground, in metres, as it may cut between its ends.
 _NEAR_M = 0.02
 
 

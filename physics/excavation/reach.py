@@ -21,7 +21,8 @@ _TURNS_DEG = (0.0, 15.0, -15.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0)
 
 
 def share_in_reach(arm: Arm, pulls: list[Pull], east_m: float = 0.0, north_m: float = 0.0) -> float:
-    """Share of the blade's places on pulls, moved by so much, to which the arm gets with the scoop straight down.
+    """Share of the blade's places on pulls, moved by ``east_m`` and ``north_m``, that the arm reaches with the scoop
+    straight down.
 
     The ground is taken to be level at a height of 0.
     """
