@@ -60,7 +60,7 @@ class SceneSun:
 
 
 def described_by(facts: Mapping[str, Any], source: str) -> SceneSun:
-    """The Sun of ``sky.sky_facts``, as it lights a scene: less the part behind the planet, and dark below the horizon."""
+    """The Sun of ``sky.sky_facts``, as it lights a scene: less the part behind the planet, and 0 below the horizon."""
     direction = np.array(facts["direction_to_world"])
     diameter, eclipse = facts["angular_diameter_deg"], facts["eclipse"]
     is_up = elevation_deg(direction) + diameter / 2 > 0

@@ -30,8 +30,8 @@ _UNMOVED_M = 1.0e9
 class GradedMesh:
     """Positions (n, 3), triangles (m, 3) and sharp edges (k, 2) of a mesh, see ``Graded.mesh``.
 
-    If what is seen is finer, ``spacing_m`` (n,) are the spacings of vertices that fine relief may move, infinite for
-    others, and ``fine`` (m,) is whether a triangle is part of a cut one.
+    If the visible part is finer, ``spacing_m`` (n,) are the spacings of vertices that fine relief may move, infinite
+    for other vertices, and ``fine`` (m,) is whether a triangle is part of a cut one.
     """
 
     positions: np.ndarray
@@ -45,8 +45,8 @@ class GradedMesh:
 class Graded:
     """Ground on a sphere that touches the map at the site, and the grading of its mesh.
 
-    ``rig`` settings are those of the cameras that see what is cut finer; None without. If it ``breaks_walls``, the
-    mesh has at most ``most`` vertices.
+    ``rig`` are the settings of the cameras that see the finer part; None without a finer part. If it ``breaks_walls``,
+    the mesh has at most ``most`` vertices.
     """
 
     ground: Terrain

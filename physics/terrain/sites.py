@@ -1,7 +1,7 @@
 """Where a camera can stand on procedural ground and beside its rocks, without building them.
 
-Rocks lie where the build puts them; their heights are those of the described ground, which the mesh
-keeps to within the error that the settings ask for.
+Rocks lie where the build puts them; their heights are on the described ground, which the mesh follows
+to within the error that the settings ask for.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class RockyGround:
 
     @property
     def shortest_m(self) -> float:
-        """Shortest wavelength in metres of the ground that counts: of a grid, what it carries."""
+        """Shortest wavelength in metres of the ground that counts: the shortest that a grid carries, else 0."""
         patch = self.settings.terrain
         return 2 * patch.size_m / (patch.resolution - 1) if math.isfinite(self.half_m) else 0.0
 
@@ -54,7 +54,7 @@ class RockyGround:
 
     @cached_property
     def shapes(self) -> Sequence[Sequence[Shape]]:
-        """What the rocks are chosen from."""
+        """The shapes that rocks are chosen from."""
         rocks = self.settings.rocks
         return make_rock_shapes(rocks.family, rocks.angularity, int(self.settings.dataset.seed))
 
