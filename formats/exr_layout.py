@@ -150,7 +150,7 @@ def _read_header(cursor: Cursor) -> _Header:
 
 
 def _read_part(header: _Header, is_tiled: bool, tiles: bool, found: list[Part]) -> int:
-    """Add what a header states to ``found``, without the places of its chunks; how many chunks it has."""
+    """Add the part of a header to ``found``, without the places of its chunks. Returns the number of its chunks."""
     window = _read_window(header, b"dataWindow")
     if b"displayWindow" in header.values:
         _read_window(header, b"displayWindow")

@@ -20,7 +20,7 @@ _ZIP = 3
 _LINES = {0: 1, 2: 1, _ZIP: 16}  # in a chunk, by compression
 _HALF, _FLOAT = 1, 2
 _TYPES = {_HALF: "<f2", _FLOAT: "<f4"}
-#: Root mean square of what rounding to 16 bits changes, relative to the values, where none is too small for them.
+#: Largest RMS change by rounding to 16 bits, relative to the values, if no value is too small for 16 bits.
 _ROUNDED = 2.0**-11
 #: What follows a channel's name in a header, by type: not to be compressed as if it were seen, every pixel.
 _ENTRIES = {kind: b"\0" + struct.pack("<4i", kind, 0, 1, 1) for kind in _TYPES}

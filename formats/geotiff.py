@@ -275,8 +275,8 @@ def _around(count: int, middle: float, half: float) -> range:
 
 @dataclass(frozen=True)
 class _Map:
-    """What a file states of its map: its projection, if it is known here, its keys, the metres of its unit, the size of
-    a pixel in metres of the map, the size of the ground that is wanted of it in metres, and the file's name."""
+    """The map of a file: its projection, None if it is not supported, its keys, its unit in metres, the size of a pixel
+    in metres of the map, the size of the wanted ground in metres, and the file's name."""
 
     system: MapSystem | None
     keys: Mapping[int, Any]

@@ -169,7 +169,7 @@ def _find_in_gltf(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, M
 
 
 def _unsupported_use(stated: dict[str, Any], factor: float) -> str:
-    """What a glTF material asks for beside its image."""
+    """The unsupported request of a glTF material for its image, as a clause; empty if there is no such request."""
     transform = stated.get("extensions", {}).get("KHR_texture_transform", {})
     if stated.get("texCoord", 0) != 0 or transform.get("texCoord", 0) != 0:
         return "has UV coordinates of its own"

@@ -248,7 +248,7 @@ def _convert(image: Directory, *options: str) -> str:
 
 
 def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:
-    """What undoes the compression of a tile or strip, given the length that it has then. Raises UnreadError."""
+    """A function that decompresses a tile or strip to a given length. Raises UnreadError for an unsupported method."""
     compression = image.number(259, 1)
     if compression == 50000 and (zstandard := _find_zstandard()):
         return zstandard

@@ -108,8 +108,8 @@ def returned_share(parameters: HapkeParameters) -> tuple[float, float]:
 
 @lru_cache(maxsize=64)
 def _excess_light(parameters: HapkeParameters) -> tuple[float, float, float] | None:
-    """What ice returns that is too much (share, incidence in degrees, the largest w of two digits with which it does
-    not), or None."""
+    """The share of light that ice returns, the incidence in degrees and the largest allowed w of two digits, if ice
+    returns too much; else None."""
     most = _MOST_RETURNED[parameters.h_function]
     share, incidence = returned_share(parameters)
     if share <= most:

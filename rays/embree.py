@@ -149,7 +149,7 @@ class EmbreeTracer:
             self._top, self._kept = None, []
 
     def intersect(self, origin: np.ndarray, direction: np.ndarray, near: float, far: float) -> Hits:
-        """What rays (n, 3) meet first from ``near`` to ``far`` times their direction. ``origin`` is (3,) or (n, 3).
+        """The first hits of rays (n, 3) at ``near`` to ``far`` times their direction. ``origin`` is (3,) or (n, 3).
 
         It is fastest if sixteen rays in a row go about the same way. Distances are of single precision.
         """

@@ -1,4 +1,4 @@
-"""What rays are traced against: shapes of triangles, and the places where they stand."""
+"""The world that rays are traced against: shapes of triangles, and the places where they stand."""
 
 from __future__ import annotations
 

@@ -22,13 +22,12 @@ _GRAZING = 1e-4
 
 
 class Tracer(Protocol):
-    """Finds what rays meet."""
+    """Finds the triangles that rays meet."""
 
     name: str
 
     def intersect(self, origin: np.ndarray, direction: np.ndarray, near: float, far: float) -> Hits:
-        """What rays (n, 3) from ``origin``, (3,) or (n, 3), meet first from ``near`` to ``far`` times their direction.
-        """
+        """First hits of rays (n, 3) from ``origin``, (3,) or (n, 3), at ``near`` to ``far`` times their direction."""
 
     def is_blocked(self, origin: np.ndarray, direction: np.ndarray, near: float, far: np.ndarray) -> np.ndarray:
         """Whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction."""
@@ -112,7 +111,7 @@ def _by_shape(world: World, hits: Hits) -> Iterator[tuple[int, np.ndarray]]:
 
 def intersect_opaque(tracer: Tracer, world: World, origin: np.ndarray, direction: np.ndarray, near: float,
                      far: float) -> Hits:
-    """What rays (n, 3) meet first that lets at most half of the light pass; see ``Tracer.intersect``."""
+    """The first hits of rays (n, 3) that let at most half of the light pass; see ``Tracer.intersect``."""
     hits = tracer.intersect(origin, direction, near, far)
     if all(each.shape.passing is None for each in world.placed):
         return hits

@@ -35,7 +35,7 @@ def arm_of(settings: Settings, site_m: float = 0.0) -> Arm:
 
 
 def joint_values(settings: Settings) -> np.ndarray:
-    """Radians, or metres of what slides, at which all joints of ``arm_of`` are, faults included."""
+    """Values of all joints of ``arm_of`` in radians, or metres of joints that slide, faults included."""
     if not is_own(settings):
         return real_rad(settings.arm)
     own = own_arm(settings)

@@ -31,7 +31,7 @@ PINHOLE = "The images are blurred, truth is sharp: that of a pinhole{}."
 
 @dataclass(frozen=True)
 class Blur:
-    """What an image is blurred by. ``focus_m`` is None without depth of field, ``exposure_s`` without motion.
+    """The causes of an image's blur. ``focus_m`` is None without depth of field, ``exposure_s`` without motion.
 
     Axes are the left eye's: x right, y down, z forward. ``turn_deg_s`` is a rotation vector.
     """
@@ -102,7 +102,7 @@ def blur_advice(settings: Settings) -> list[str]:
 
 
 def blur_identity(settings: Settings) -> str:
-    """What of the camera response is in the rendered light, for the name of the pair; empty without blur."""
+    """The camera response that is in the rendered light, for the name of the pair; empty without blur."""
     blur = blur_of(settings)
     if blur is None:
         return ""
@@ -111,7 +111,7 @@ def blur_identity(settings: Settings) -> str:
 
 def developing_warnings(settings: Settings, rendered: Settings,
                         exposures_s: list[float]) -> list[str]:
-    """What does not fit together where a pair ``rendered`` with blur is developed with ``settings``: sentences."""
+    """Sentences on contradictions between the blur of a ``rendered`` pair and the ``settings`` that develop it."""
     blur = blur_of(rendered)
     if blur is None:
         return []

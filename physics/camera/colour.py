@@ -81,7 +81,7 @@ def can_balance(white: np.ndarray) -> bool:
 def white_gains(white: np.ndarray, sensor: SensorSettings) -> np.ndarray:
     """Factors (3,) on R, G, B after demosaicing; with SUN white ground becomes grey, and none is below 1.
 
-    They are 1 if a channel sees less than a millionth of what another does: then there is nothing to balance.
+    They are 1 if a channel sees less than a millionth of another's light: then there is nothing to balance.
     """
     if sensor.white_balance == "NONE" or not can_balance(white):
         return np.ones(3)

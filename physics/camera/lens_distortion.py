@@ -69,7 +69,7 @@ def undistort(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
 def overscan_needed(rig: RigSettings) -> float | None:
     """Share of width and height that has to be rendered beyond each border for every pixel of the sensor to be lit.
 
-    Of the borders' pixels, which see farthest. None if the lens sees what no pinhole image has.
+    It is found at the borders' pixels, which see farthest. None if the lens sees rays that no pinhole image contains.
     """
     width, height = int(rig.width_px), int(rig.height_px)
     focal = float(rig.focal_length_mm) / float(rig.sensor_width_mm) * width

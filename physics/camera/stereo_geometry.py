@@ -111,7 +111,7 @@ def shared_width_px(rig: RigSettings, depth_m: float) -> float:
     centre, disparity = width / 2 + float(rig.principal_x_px), focal * float(rig.baseline_m) / depth_m
 
     def column(edge: float, angle: float) -> float:
-        """Where the rectified image has an edge of what an eye sees that is turned by an angle."""
+        """Column of the rectified image at an edge of the image of an eye that is turned by an angle."""
         seen = math.atan((edge - centre) / focal) + angle
         return centre + focal * math.tan(seen) if abs(seen) < math.pi / 2 else math.copysign(math.inf, seen)
 

@@ -76,7 +76,7 @@ class Pull:
 
 
 def bounds_of(pulls: Sequence[Pull], margin_m: float = 0.0) -> tuple[float, float, float, float]:
-    """West, south, east and north end in metres of what all pulls pass over, and a margin."""
+    """West, south, east and north end in metres of the ground that all pulls pass over, with a margin."""
     ends = np.array([pull.bounds_m(margin_m) for pull in pulls])
     low, high = ends.min(axis=0), ends.max(axis=0)
     return float(low[0]), float(low[1]), float(high[2]), float(high[3])

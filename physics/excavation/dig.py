@@ -18,7 +18,7 @@ from .site import Site
 
 #: Wavelengths of clods in their heights, and the shares of their noise in the height.
 _CLODS = ((9.0, 1.6), (3.5, 1.4), (1.6, 0.7))
-#: Wavelength and height of what makes a heap of clods uneven, in their heights.
+#: Wavelength and height of the unevenness of a heap of clods, in heights of the clods.
 _LUMP_WAVES, _LUMP_SIZE = 14.0, 5.0
 #: Where clods have many sizes: the height by which a heap is uneven, and the radius of its crest, over their largest.
 _MANY_UNEVEN, _MANY_CREST = 0.35, 0.3
@@ -174,7 +174,7 @@ class Series:
         return spoil + solid, spoil * self.spoil_kg_m3 + solid * self.excavation.density_kg_m3
 
     def _chips(self, layers: Layers, pulls: tuple[Pull, ...]) -> np.ndarray:
-        """What breaks off the rims of standing walls, as a depth (rows, columns) in metres."""
+        """Depth (rows, columns) in metres that breaks off the rims of standing walls."""
         most = float(self.excavation.chips_m)
         chipped = np.zeros_like(self.before_m)
         if most <= 0:
@@ -220,7 +220,7 @@ class Series:
         return abs(lost - found) / dug if dug > 0 else abs(lost - found)
 
     def facts(self, state: int) -> dict[str, Any]:
-        """What ``pair.json`` has of an excavation in a state: metres, cubic metres and kilograms."""
+        """The facts of an excavation in a state for ``pair.json``: metres, cubic metres and kilograms."""
         at, site = self.at(state), self.site
         done, area = self.states[1:state + 1], self.site.grid.cell_m**2
         change = [each.layers.top - self.before_m for each in self.states[:state + 1]]
@@ -245,7 +245,7 @@ class Series:
                 "advice": self.advice(state)}
 
     def advice(self, state: int) -> list[str]:
-        """Sentences about a state that shows only once it is dug: no cut, spoil at the rim, what does not rest."""
+        """Sentences about faults that show only once dug: no cut, spoil at the rim, ground still sliding."""
         at, said = self.at(state), []
         wanted = [float(pull.depth_m.max()) for each in self.site.pulls[:state] for pull in each]
         if max(wanted, default=0.0) > 0.0 and not any(each.taken_m3 > 0.0 for each in self.states[:state + 1]):

@@ -33,7 +33,7 @@ def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
     """The pulls of each state after the first, whose depths are below the level of the ground under the left camera,
     and how far below the untouched ground the blade goes at most, in metres.
 
-    Raises IcyMoonError, with the line, for what cannot be read and for joints beyond their limits.
+    Raises IcyMoonError, with the line, for lines that cannot be read and for joints beyond their limits.
     """
     path = absolute_path(settings.excavation.file, "excavation.file")
     arm = arm_of(settings)

@@ -41,8 +41,8 @@ def _few(pull: Pull) -> tuple[np.ndarray, np.ndarray]:
 def advice(settings: Settings) -> list[str]:
     """A sentence if the lander's arm does not get to all of the trench on level ground; else none.
 
-    It states where the trench would be in reach. Nothing is known of an arm of the user's own, and a path of recorded
-    joints is in reach. Raises IcyMoonError for what cannot be dug.
+    It states where the trench would be in reach. The reach of the user's arm is unknown, and a path of recorded joints
+    is in reach. Raises IcyMoonError for an excavation that cannot be dug.
     """
     if (not is_dug(settings) or settings.excavation.path == JOINTS or settings.lander.kind == "NONE"
             or is_own(settings)):
@@ -60,7 +60,7 @@ def advice(settings: Settings) -> list[str]:
 
 
 def _fix(settings: Settings, arm: Arm, pulls: list[Pull]) -> str:
-    """What to do, with numbers where a moved trench is in reach."""
+    """The fix, with numbers if a moved trench is in reach."""
     moved = _find_move(arm, pulls)
     if moved is None:
         return "dig less deep, or lengthen arm.upper_m and arm.fore_m"

@@ -61,7 +61,7 @@ class Site:
 def make_site(settings: Settings) -> Site:
     """The site of complete ``settings`` that are ``is_dug``; the same for all states of an excavation.
 
-    Raises IcyMoonError for what cannot be dug.
+    Raises IcyMoonError for an excavation that cannot be dug.
     """
     excavation, gravity = settings.excavation, gravity_m_s2(settings)
     if excavation.path == JOINTS:

@@ -88,7 +88,7 @@ def gather_open(found: Texels, image: np.ndarray, covered: np.ndarray, vertices:
     """``gather`` without the texels that are ``covered`` (texels,).
 
     A vertex around which all texels are covered gets the mean of the nearest vertices that have light, since a facet
-    may show beside what covers its corner.
+    may show beside the rock that covers its corner.
     """
     seen = np.where(covered[:, None], 0.0, image)
     light = gather(found, seen, vertices)

@@ -76,7 +76,7 @@ def date_text(date: np.datetime64) -> str:
 
 
 def _calendar_lack(year: int, month: int, day: int, hour: int, minute: int, second: float) -> str:
-    """Why there is no such day or time of day, with what to write; empty if there is."""
+    """Why there is no such day or time of day, with the fix; empty if the date exists."""
     if not 1 <= month <= 12:
         return "a year has 12 months; write a month from 01 to 12"
     first = np.datetime64(f"{year:04}-{month:02}", "M")

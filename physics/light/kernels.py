@@ -56,7 +56,7 @@ def kernel_files(path: Path) -> list[Path]:
 
 
 def _look_at(path: Path) -> tuple[str, ...] | None:
-    """What ``_parse`` finds, once for each size and time of change."""
+    """The result of ``_parse``, found once for each size and time of change."""
     try:
         state = path.stat()
     except OSError as error:

@@ -237,8 +237,8 @@ def mean_direction(planet: Planet) -> np.ndarray:
 
 
 def lit_chords(planet: Planet) -> tuple[np.ndarray, float]:
-    """What of the planet's circle to ask for light: the direction across it toward the Sun, a unit vector (3,), and the
-    share of each chord along it, from the Sun's side, that holds all that is lit.
+    """The lit part of the planet's circle: the direction across it toward the Sun, a unit vector (3,), and the share of
+    each chord along it, from the Sun's side, that holds all lit points.
 
     The circle is the equator's about the planet's centre, in coordinates that keep areas.
     """

@@ -165,7 +165,7 @@ def _degenerate(positions: np.ndarray, faces: np.ndarray, twice_area: np.ndarray
 
 def repair(positions: np.ndarray, faces: np.ndarray,
            uv: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """The mesh without what cannot be rendered, and with its upper side up.
+    """The mesh without parts that cannot be rendered, and with its upper side up.
 
     Drops faces with a vertex that is not a number, without area, or there twice; merges vertices of
     equal coordinates; turns the faces of each part alike, an open part up and a closed one outward.
@@ -195,7 +195,7 @@ def repair(positions: np.ndarray, faces: np.ndarray,
 def orient_faces(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """The faces, turned alike within each part: an open part up, a closed one outward.
 
-    Every face is a node twice, as it is and turned; links connect what fits together, so that one
+    Every face is a node twice, as it is and turned; links connect states that fit together, so that one
     component holds a part's consistent choice. A part that has both states of a face in one
     component cannot be turned alike (a Möbius strip) and is left as it is.
     """

@@ -86,7 +86,7 @@ class Graded:
         return made.positions, made.faces, made.sharp
 
     def mesh_with_relief(self) -> GradedMesh:
-        """``mesh``, and what of it is finer because the cameras see it."""
+        """``mesh`` with its finer part that the cameras see."""
         rings = self.grading.rings
         x, y = rings.map_positions()
         step = rings.of_vertices(self.grading.spacing_at(rings.radius_m), self.grading.finest_m)

@@ -29,7 +29,7 @@ from .vertex_rings import RINGS_APART, Rings
 
 #: Triangles measured per distance, and the sectors they are sorted into.
 _SAMPLES, _SECTORS = 1800, 6
-#: Sizes tried at most, each half the one before, from the longest edge down to what no memory holds.
+#: Maximum number of sizes that are tried, each half the one before, from the longest edge to more than memory holds.
 _HALVINGS = 24
 #: Share of the measured triangles that keep to the error. Of an image it is 0.95: one image shows few hills, and
 #: their crests, which face the eye and hide the ground behind them, err more than the ground does on the whole.
@@ -40,7 +40,7 @@ _COARSER = 1.05
 #: does, would double the error: straight lines between points of the ground are nearer to it than between
 #: points of a smoothed ground. Much shorter waves only make the points noisy.
 CARRIED = 0.7
-#: How much relief may exceed what a sample of the ground showed.
+#: Greatest ratio of the relief to the relief of a sample of the ground.
 _HIGHER = 1.25
 #: Ground is not looked at from closer than this share of the camera's height, however it rises to it.
 _CLOSEST = 0.25
@@ -66,7 +66,7 @@ class View:
         return np.hypot(np.maximum(np.asarray(radius_m, np.float64) - self.baseline_m, 0.0), self.height_m)
 
 
-#: What of ``rig`` settings a grading is made from.
+#: The ``rig`` settings that a grading depends on.
 OF_THE_RIG = ("x_m", "y_m", "height_m", "baseline_m", "focal_length_mm", "sensor_width_mm", "width_px", "height_px")
 
 
@@ -212,7 +212,7 @@ class _Probe:
 
 
 def _typical_error(errors: np.ndarray, weights: np.ndarray) -> float:
-    """What weighted errors keep to: nearly all of them, and their RMS, which few but large ones raise."""
+    """A bound on weighted errors: nearly all are below it, and so is their RMS, which a few large ones raise."""
     order = np.argsort(errors)
     below = np.cumsum(weights[order]) / weights.sum()
     return max(float(np.interp(_SHARE, below, errors[order])), math.sqrt(float(np.average(errors**2, weights=weights))))

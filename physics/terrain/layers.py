@@ -27,7 +27,7 @@ _TURN = math.radians(37.0)
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer; build it with :func:`make_layer`. ``signal_mean`` is what an octave is held at that is left out;
+    """One layer; build it with :func:`make_layer`. an octave that is left out is held at ``signal_mean``;
     ``centre`` and ``factor`` bring the sum to metres."""
 
     basis: str

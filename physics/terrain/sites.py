@@ -76,9 +76,9 @@ class RockyGround:
 
     def eyes(self, x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray, heading_deg: np.ndarray,
              baseline_m: np.ndarray) -> Eyes:
-        """What surrounds the right eyes of n cameras whose left eyes stand ``height_m`` above the ground.
+        """The surroundings of the right eyes of n cameras whose left eyes stand ``height_m`` above the ground.
 
-        Above ground that is not there they are NaN. A left eye is in no rock: the build leaves such rocks out.
+        Heights are NaN where there is no ground. A left eye is in no rock: the build leaves such rocks out.
         """
         heading = np.radians(heading_deg)
         x, y = x_m + baseline_m * np.cos(heading), y_m - baseline_m * np.sin(heading)
