@@ -53,9 +53,9 @@ def is_there(folder: Path) -> bool:
 
 
 def find_files(folder: Path) -> list[Path]:
-    """The .blend files in a library that its record lists, those of them that are there.
+    """The .blend files that a library's record lists and that are in its folder.
 
-    Raises IcyMoonError if the record is no record of ours, or if a folder of the library is a link.
+    Raises IcyMoonError if the record is not Icy Moon's, or if a folder of the library is a link.
     """
     if links := [part for part in (folder, *(folder / kind for kind in CATALOGS)) if part.is_symlink()]:
         raise IcyMoonError(f"{links[0]} is a link, which Icy Moon did not make; remove it by hand.")

@@ -1,9 +1,10 @@
 """The camera models CAHV, CAHVOR and CAHVORE, in which cameras of Mars rovers and landers are calibrated.
 
 C is the centre, A the axis, H and V the horizontal and vertical vectors, O the optical axis of the distortion, R its
-radial coefficients, E those of the entrance pupil. Yakimovsky and Cunningham 1978 (Computer Graphics and Image
-Processing 7, 195), Gennery 2006 (International Journal of Computer Vision 68, 239), Di and Li 2004 (JGR Planets 109,
-E04004). Distances are in metres; pixels are counted from the centre of the first one, (0, 0), columns right, rows down.
+radial coefficients, E the coefficients of the entrance pupil. Yakimovsky and Cunningham 1978 (Computer
+Graphics and Image Processing 7, 195), Gennery 2006 (International Journal of Computer Vision 68, 239), Di and Li 2004
+(JGR Planets 109, E04004). Distances are in metres; pixels are counted from the centre of the first one, (0, 0),
+columns right, rows down.
 """
 
 from __future__ import annotations
@@ -294,8 +295,8 @@ _NOT_THE_IMAGE = ("THUMBNAIL", "BROWSE", "REQUEST", "SUBFRAME")
 def read_model(path: Path) -> Cahvor:
     """A camera model from a ``.cahvor`` file, or from a PDS3 label with the group GEOMETRIC_CAMERA_MODEL.
 
-    The size is that of the label's object IMAGE, or of the only image that it has. Raises IcyMoonError if it is none,
-    or incomplete.
+    The size in pixels is stated by the label's object IMAGE, or by its only image. Raises IcyMoonError if the file has
+    no camera model, or an incomplete one.
     """
     return read(path, _parse_model, "a camera model", _FIX)
 
@@ -399,7 +400,7 @@ def _items(group: Group, key: str) -> list[Value]:
 
 
 def _image_size(groups: Sequence[Group]) -> tuple[int, int] | None:
-    """Columns and rows of the label's image: those of IMAGE, or else the only ones that there are."""
+    """Columns and rows that the object IMAGE states, or else the only image of the label; None if no image does."""
     keys = ("LINE_SAMPLES", "LINES")
     sized = [group for group in groups if all(key in group.values for key in keys)]
     images = [group for group in sized if group.name == "IMAGE"] or [

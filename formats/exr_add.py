@@ -26,17 +26,17 @@ def _find_bands(parts: list[Pixels], wanted: str) -> dict[str, tuple[int, int]]:
 
 
 def _read_bands(parts: list[Pixels], wanted: str) -> dict[str, np.ndarray]:
-    """The bands R, G and B of a pass, each (height, width) float32. Raises KeyError if there is none."""
+    """The bands R, G and B of a pass, each (height, width) float32. Raises KeyError if a band is missing."""
     found = _find_bands(parts, wanted)
     decoded = {number: parts[number].decode() for number in {number for number, _ in found.values()}}
     return {band: decoded[found[band][0]][:, found[band][1]] for band in "RGB"}
 
 
 def add_planet(image: Sequence[Piece], planet: Sequence[Piece]) -> list[Piece]:
-    """The parts of a file with what those of another have in their planet's light group added to their image and to
-    their planet's group.
+    """The parts of ``image`` with the planet's light of ``planet`` added to their image and to their planet's light
+    group.
 
-    Raises ValueError or KeyError for what cannot be added.
+    Raises ValueError or KeyError for parts that cannot be added.
     """
     light = _read_bands([Pixels(piece) for piece in planet], _PLANET)
     return _add(image, {IMAGE_PASS: light, _PLANET: light})[0]

@@ -33,10 +33,10 @@ _VALUE_BYTES = {0: 4, 1: 2, 2: 4}
 _MOST_HEADERS, _MOST_CHANNELS, _MOST_NAME = 2**20, 2**12, 255
 #: Largest number of a place in an image, as in the OpenEXR library: sums of two never leave 32 bits.
 _FARTHEST = 2**30 - 1
-#: Memory for the decoded values: this much for any file, and so many bytes for each byte of a larger one. Deflate
-#: packs a constant image a thousandfold, but the images of a pair threefold.
+#: Bytes of memory for the decoded values of any file, and further bytes for each byte of the file. Deflate packs a
+#: constant image a thousandfold, but the images of a pair threefold.
 _MEMORY, _MEMORY_PER_BYTE = 2**27, 64
-#: Bytes of memory for what is known of a chunk, or of a channel beside its values.
+#: Bytes of memory for a chunk's entry in the table of chunks, and for a channel beside its values.
 _CHUNK_MEMORY, _CHANNEL_MEMORY = 128, 1024
 
 
@@ -94,7 +94,7 @@ class _Header:
     stated: dict[bytes, bytes]
 
     def value(self, name: bytes, kind: bytes, size: int | None = None) -> bytes:
-        """The value of an attribute. Raises KeyError if there is none, ValueError for another type or size."""
+        """The value of an attribute. Raises KeyError if it is missing, ValueError for another type or size."""
         value = self.values[name]
         if self.kinds[name] != kind or (size is not None and len(value) != size):
             raise ValueError(f"the attribute {name.decode('ascii', 'replace')} of type {self.kinds[name][:40]!r} and "
@@ -103,7 +103,7 @@ class _Header:
 
 
 def decoding_budget(size: int) -> Budget:
-    """What decoding the values of a file of ``size`` bytes may take of memory."""
+    """The memory that decoding the values of a file of ``size`` bytes may take."""
     return Budget(_MEMORY + _MEMORY_PER_BYTE * size)
 
 
@@ -150,7 +150,7 @@ def _read_header(cursor: Cursor) -> _Header:
 
 
 def _read_part(header: _Header, is_tiled: bool, tiles: bool, found: list[Part]) -> int:
-    """Add what a header states to ``found``, without the places of its chunks; how many chunks it has."""
+    """Add the part of a header to ``found``, without the places of its chunks. Returns the number of its chunks."""
     window = _read_window(header, b"dataWindow")
     if b"displayWindow" in header.values:
         _read_window(header, b"displayWindow")

@@ -19,7 +19,7 @@ from .exr_layout import MAGIC, MULTIPART, check_decodable
 
 _START = struct.Struct("<2i")
 _VERSION, _LONG_NAMES = 2, 0x400
-#: Attributes of what made the image, beside those of the form ``cycles.LAYER.render_time``.
+#: Attributes about the render that made the image, beside ``cycles.LAYER.render_time`` and its like.
 _PASSING = {b"Date", b"Time", b"RenderTime", b"Memory", b"File", b"Hostname", b"Frame", b"Scene", b"Camera"}
 
 
@@ -33,18 +33,18 @@ class Piece:
 
     @property
     def name(self) -> str:
-        """Name of the part, that of its pass in Blender 5; empty in a file of one part."""
+        """Name of the part, in Blender 5 the name of its pass; empty in a file of one part."""
         return self.value(b"name").decode() if b"name" in self.attributes else ""
 
     def value(self, name: bytes) -> bytes:
-        """The value of an attribute, without its name, type and size. Raises KeyError if there is none."""
+        """The value of an attribute, without its name, type and size. Raises KeyError if it is missing."""
         stated = self.attributes[name]
         return stated[stated.index(b"\0", len(name) + 1) + 5:]
 
 
 def read_pieces(data: bytes) -> list[Piece]:
-    """The parts of an EXR file of scan lines. Raises ValueError, KeyError or OverBudgetError for what is none, and for
-    one whose values are more than a file of its size may take of memory."""
+    """The parts of an EXR file of scan lines. Raises ValueError, KeyError or OverBudgetError for another kind of file,
+    and for one whose values take more memory than its size allows."""
     return [Piece(part.stated, [data[begin:end] for begin, end in part.places.tolist()])
             for part in check_decodable(ForeignBytes(data, len(data), Budget()))]
 
@@ -87,7 +87,8 @@ def keep_rows(piece: Piece, rows: range) -> tuple[Piece, int]:
 
 
 def strip_passing(piece: Piece, name: str) -> Piece:
-    """A part without what passes, and with what a file of several needs of each: ``name``, if it has none."""
+    """A part without attributes about its render, and with the name, the type and the number of chunks that a file of
+    several parts needs; ``name`` is for a part without one."""
     kept = {key: value for key, value in piece.attributes.items()
             if key not in _PASSING and not key.startswith(b"cycles.")}
     kept.setdefault(b"name", encode_attribute("name", "string", name.encode()))

@@ -20,7 +20,7 @@ _ZIP = 3
 _LINES = {0: 1, 2: 1, _ZIP: 16}  # in a chunk, by compression
 _HALF, _FLOAT = 1, 2
 _TYPES = {_HALF: "<f2", _FLOAT: "<f4"}
-#: Root mean square of what rounding to 16 bits changes, relative to the values, where none is too small for them.
+#: Largest RMS change by rounding to 16 bits, relative to the values, if no value is too small for 16 bits.
 _ROUNDED = 2.0**-11
 #: What follows a channel's name in a header, by type: not to be compressed as if it were seen, every pixel.
 _ENTRIES = {kind: b"\0" + struct.pack("<4i", kind, 0, 1, 1) for kind in _TYPES}
@@ -48,7 +48,7 @@ class Pixels:
 
     @property
     def _line(self) -> np.dtype:
-        """A line as it is stored: channel after channel, each of its own type."""
+        """A line as it is stored: channel after channel, each with its type."""
         return np.dtype([(name, _TYPES[_type_of(self._stated[name])], (self._width,)) for name in self.channels])
 
     def decode(self) -> np.ndarray:
@@ -163,7 +163,7 @@ def _empty_chunks(top: int, height: int) -> list[bytes]:
 
 
 def _type_of(stated: bytes) -> int:
-    """The type of a channel's values, from what is stated of it: its name, then four numbers."""
+    """The type of a channel's values, from the entry of the channel: its name, then four numbers."""
     return int(struct.unpack_from("<i", stated, len(stated) - 16)[0])
 
 
@@ -190,9 +190,9 @@ def _pack(raw: bytes) -> bytes:
 
 
 def decode_parts(data: bytes) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
-    """Of each part of an EXR file the view that it states, if any, and its channels by name, (H, W) float32.
+    """For each part of an EXR file its view, empty if it states none, and its channels by name, (H, W) float32.
 
-    Raises ValueError, KeyError or OverBudgetError for what is damaged or of another kind.
+    Raises ValueError, KeyError or OverBudgetError for a file that is damaged or of another kind.
     """
     for piece in read_pieces(data):
         pixels = Pixels(piece)
@@ -202,9 +202,9 @@ def decode_parts(data: bytes) -> Iterator[tuple[str, dict[str, np.ndarray]]]:
 
 
 def compress(piece: Piece) -> Piece:
-    """A part by ZIP, if it is not compressed.
+    """A part, compressed by ZIP if it was not compressed.
 
-    A part that is not of the kind that is read here stays as it is. Raises ValueError for what is damaged.
+    A part of an unsupported kind is returned unchanged. Raises ValueError for a damaged part.
     """
     try:
         pixels = Pixels(piece)
@@ -214,9 +214,9 @@ def compress(piece: Piece) -> Piece:
 
 
 def drop_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:
-    """A part without the channels of some passes (``LAYER.PASS``), None if it has no other.
+    """A part without the channels of some passes (``LAYER.PASS``); None if it has no other channels.
 
-    A part that is not of the kind that is read here stays as it is. Raises ValueError for what is damaged.
+    A part of an unsupported kind is returned unchanged. Raises ValueError for a damaged part.
     """
     if piece.name.split("-")[0] in unwanted:
         return None
@@ -229,10 +229,10 @@ def drop_passes(piece: Piece, unwanted: Collection[str]) -> Piece | None:
 
 
 def round_passes(piece: Piece, passes: Collection[str]) -> Piece:
-    """A part with the values of some passes (``LAYER.PASS``) as 16-bit floats, but for those that would lose more than
-    other light of theirs: too large for 16 bits, or so small that these round them by more than one in two thousand.
+    """A part with the values of some passes (``LAYER.PASS``) as 16-bit floats. They stay as they are if one is too
+    large for 16 bits, or if many are so small that their RMS rounding error exceeds one in two thousand.
 
-    A part that is not of the kind that is read here stays as it is. Raises ValueError for what is damaged.
+    A part of an unsupported kind is returned unchanged. Raises ValueError for a damaged part.
     """
     try:
         pixels = Pixels(piece)

@@ -1,7 +1,7 @@
 """Files beside a height map that state its place or the meaning of its numbers, as GDAL and ESRI's programs write them.
 
-They are not read. What they state and the map does not is named, with the command that writes it into a GeoTIFF. World
-files have six numbers (gdal.org/drivers/raster/wld.html), the others XML (gdal.org/user/raster_data_model.html).
+They are not read. Sentences name the facts that only they state, with the command that writes them into a GeoTIFF.
+World files have six numbers (gdal.org/drivers/raster/wld.html), the others XML (gdal.org/user/raster_data_model.html).
 """
 
 from __future__ import annotations
@@ -14,23 +14,23 @@ from . import gdal_lines
 
 #: Why a file without a step from pixel to pixel has no place, as the end of a sentence.
 NO_SIZE = "does not state the size of its pixels"
-#: Suffixes of world files by that of the map.
+#: Suffixes of world files by the suffix of the map.
 _WORLD = {".tif": (".tfw", ".tifw", ".wld"), ".tiff": (".tfw", ".tiffw", ".wld"), ".png": (".pgw", ".pngw", ".wld")}
-#: Elements of the XML that change where heights are or what they mean; most such files have statistics alone.
+#: Elements of the XML that change the place or the meaning of heights; most such files have only statistics.
 _TELLING = {"GeoTransform": "its place", "SRS": "its map system", "NoDataValue": "which heights are missing",
             "Scale": "the scale of its heights", "Offset": "their offset", "UnitType": "their unit"}
 _MOST_BYTES = 2**24
 
 
 def why_unplaced(path: Path) -> str:
-    """Why a map that states no place of its own has none, as the end of a sentence: also that its world file is not
+    """Why a map that does not state its place has none, as the end of a sentence; also that its world file is not
     read."""
     world = _find_world_file(path)
     return NO_SIZE + (f", and {world.name} beside it {_not_read(path)}" if world else "")
 
 
 def doubt_world_file(path: Path) -> list[str]:
-    """A clause on the world file of a map that states no place of its own, if there is one."""
+    """A clause on the world file of a map that does not state its place; empty without a world file."""
     world = _find_world_file(path)
     return [f"{world.name} beside it, which states its place, {_not_read(path)}"] if world else []
 

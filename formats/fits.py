@@ -54,7 +54,7 @@ def _encode(image: Image, first: bool, extended: bool) -> bytes:
 
 
 def _card(key: str, value: Value, comment: str) -> bytes:
-    """A card of 80 characters. Raises ValueError for what none can contain."""
+    """A card of 80 characters. Raises ValueError for a value that no card can contain."""
     if isinstance(value, bool):
         text = ("T" if value else "F").rjust(20)
     elif isinstance(value, str):

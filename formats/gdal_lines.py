@@ -43,7 +43,7 @@ def translate(name: str, *options: str) -> str:
 
 
 def tile(name: str, *options: str) -> str:
-    """The same in tiles, of which a site needs few."""
+    """The ``gdal_translate`` that copies the first band of a file in tiles; a site needs only a few tiles."""
     return " ".join(["gdal_translate", "-b 1", *options, *_TILED, quoted(name), quoted(_made_of(name))])
 
 
@@ -83,8 +83,8 @@ def advise(path: Path, start: bytes, body_radius_m: float) -> str:
 
 
 def _label_of(path: Path, start: bytes) -> Path | None:
-    """The file that GDAL opens for an image: itself if it has its label within or a header beside it, or its label;
-    None if there is none."""
+    """The file that GDAL opens for an image: the image if it has its label within or a header beside it, else its
+    label; None if it has neither."""
     if start.startswith((b"PDS_VERSION_ID", b"CCSD", b"EHFA_HEADER_TAG", b"ODL_VERSION_ID", b"LBLSIZE=")):
         return path
     if any(path.with_suffix(suffix).is_file() for suffix in (".hdr", ".HDR")):

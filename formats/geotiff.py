@@ -66,18 +66,18 @@ _VERTICAL = {
 _DEPTHS = {5336, 5612, 5614, 5706, 5715, 5734, 5739, 5789, 5831, *range(5861, 5868), 5873, 6357, 6358, 6359, 7976, 8051,
            8053, 8358, 8378, 8897, 9287, 9288, 9672, 10150, 10151, 10349, 10364, *range(10370, 10380),
            *range(10547, 10553), 10649, 10650, 10678}
-#: GeoKeys: model, kind of raster, map system, unit, its size, vertical system, its unit; and those of projections.
+#: GeoKeys: model, kind of raster, map system, unit, its size, vertical system, its unit; and the keys of projections.
 _KEYS = {1024, 1025, 3072, 3076, 3077, 4096, 4099} | PROJECTION_KEYS
-#: Most pixels of a file that is read as a whole, with 63 bytes for each; of a larger one the site's part is read, with
-#: so many pixels beside it.
+#: Maximum number of pixels of a file that is read as a whole, with 63 bytes for each. Of a larger file the site's part
+#: is read, with this many pixels around it.
 _MOST_WHOLE, _BESIDE = 2**22, 16
-#: Scales that differ from 1 by less are taken for 1, as that of UTM. Angles in degrees from which directions of a map
-#: are no right angle, from which north is not up, and from which this is a warning: UTM turns it by 3° at most.
+#: A scale that differs from 1 by less is taken for 1, such as UTM's. Angles in degrees from which the axes of a map are
+#: not perpendicular, from which north is not up, and from which this is a warning: UTM turns north by 3° at most.
 _TRUE, _SKEW_DEG, _TURNED_DEG, _FAR_TURNED_DEG = 1e-3, 0.5, 0.1, 5.0
 #: Bytes of GDAL's metadata; a list of some items has some hundreds.
 _MOST_METADATA = 2**20
 _PROJECTED, _GEOGRAPHIC, _USER_DEFINED = 1, 2, 32767
-_POINT = 2  # value of GTRasterTypeGeoKey: coordinates are those of pixel centres
+_POINT = 2  # value of GTRasterTypeGeoKey: coordinates refer to pixel centres
 #: Most that a turned grid may be off over its whole length, in pixels, to be taken for one along the axes.
 _SKEW_PX = 1e-3
 #: The option of ``gdal_translate`` that writes the units of a system that a file states by number.
@@ -152,8 +152,8 @@ class GeoTiff:
     ``pixel_m`` is the size of a pixel (east, north) on the ground, and ``corner_m`` the place of the centre of the
     lower left one, from the origin of the ``Site`` that was asked for, or in the map's coordinates without one. They
     are None where the file does not state them; ``unplaced`` then is the reason, as the end of a sentence. ``report``
-    is what the file states of its heights, ``warnings`` what was assumed. ``file_shape`` is that of the whole file
-    (rows, columns).
+    lists the file's statements about its heights, ``warnings`` the assumptions. ``file_shape`` is (rows, columns) of
+    the whole file.
     """
 
     heights_m: np.ndarray
@@ -167,10 +167,10 @@ class GeoTiff:
 
 
 def read(path: Path, site: Site | None = None, missing: float | None = None) -> GeoTiff:
-    """Read a one-band elevation model; of a large one only what the ``site`` needs.
+    """Read a one-band elevation model; of a large one only the part that the ``site`` needs.
 
-    ``missing`` is a value of the file, before scale and unit, that means none, beside those that it marks. Raises
-    IcyMoonError with the fix where it cannot be read.
+    ``missing`` is a value of the file, before scale and unit, that marks missing heights, beside the file's own marks.
+    Raises IcyMoonError, with the fix, if the file cannot be read.
     """
     found = read_foreign(path, lambda foreign: _read(foreign, site, missing), KIND, FIX, MOST_BYTES)
     if found.unplaced != NO_SIZE:
@@ -275,8 +275,8 @@ def _around(count: int, middle: float, half: float) -> range:
 
 @dataclass(frozen=True)
 class _Map:
-    """What a file states of its map: its projection, if it is known here, its keys, the metres of its unit, the size of
-    a pixel in metres of the map, the size of the ground that is wanted of it in metres, and the file's name."""
+    """The map of a file: its projection, None if it is not supported, its keys, its unit in metres, the size of a pixel
+    in metres of the map, the size of the wanted ground in metres, and the file's name."""
 
     system: MapSystem | None
     keys: Mapping[int, Any]
@@ -353,7 +353,7 @@ def _read_keys(tags: Tags) -> dict[int, Any]:
 
 
 def _clear_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any, ...] | None) -> list[str]:
-    """Make NaN what the file calls missing and what no height can be; warnings."""
+    """Set missing and impossible heights to NaN; returns warnings."""
     grid[~(np.abs(grid) < NO_HEIGHT)] = np.nan
     text = _decode_text(nodata)
     if not text:
@@ -369,7 +369,7 @@ def _clear_missing(grid: np.ndarray, number: np.dtype[Any], nodata: tuple[Any, .
 
 def _apply_mask(grid: np.ndarray, foreign: ForeignBytes, images: list[Directory],
                 window: tuple[range, range] | None) -> list[str]:
-    """Make NaN what the file's own mask calls unknown; warnings about its other images."""
+    """Set the heights that the file's mask calls unknown to NaN; returns warnings about its other images."""
     others = [image for image in images[1:] if not image.is_reduced]
     masks = [image for image in others if image.is_mask and image.shape == images[0].shape]
     for image in masks[:1]:
@@ -497,7 +497,7 @@ def _height_unit(keys: Mapping[int, Any], named: str, scaling: tuple[float, floa
 
 
 def _unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[float | None, str]:
-    """Metres per unit of the file's coordinates, and what was assumed; or None and why it is not known."""
+    """Metres per unit of the file's coordinates, and the assumption behind it; or None and why it is unknown."""
     model, system, code = keys.get(1024, 0), keys.get(3072), keys.get(3076)
     if model == _GEOGRAPHIC:
         radius = geographic_radius_m(keys)
@@ -527,9 +527,9 @@ def _unit(keys: Mapping[int, Any], file: str, body_radius_m: float) -> tuple[flo
 
 def _read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[float, float],
                                                                         tuple[float, float]] | None:
-    """Step (east, north) per column and per row, either of which may be negative, and the coordinates of the centre
-    of the lower left pixel as it lies on the ground; None if the file states none. Raises UnreadError if it is turned.
-    """
+    """Steps (east, north) per column and per row, which may be negative, and the coordinates of the centre of the
+    south-western pixel; None if the file does not state them. Raises UnreadError for a
+    turned grid and for pixels of negative height."""
     tags, (rows, columns) = image.tags, image.shape
     if 33550 in tags:
         east, down = (float(v) for v in tags[33550][:2])
@@ -549,7 +549,7 @@ def _read_placement(image: Directory, keys: Mapping[int, Any]) -> tuple[tuple[fl
         return None
     if not (0 < abs(east) < math.inf and 0 < abs(north) < math.inf and math.isfinite(x) and math.isfinite(y)):
         return None
-    centre = 0.0 if keys.get(1025) == _POINT else 0.5  # else the place is that of a pixel's corner
+    centre = 0.0 if keys.get(1025) == _POINT else 0.5  # else the place refers to a pixel's corner
     first = (x + (centre - column) * east, y + (centre - row) * north)
     last = (first[0] + (columns - 1) * east, first[1] + (rows - 1) * north)
     return (east, north), (min(first[0], last[0]), min(first[1], last[1]))

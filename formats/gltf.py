@@ -16,7 +16,7 @@ Fact = TypeVar("Fact")
 _FIX = "export the mesh again"
 #: Bytes of memory for the values of the JSON, and for each of them; largest JSON in bytes, with buffers in it.
 _MOST_MEMORY, _OF_A_VALUE, _MOST_JSON = 2**29, 120, 2**28
-#: Most nodes, of which Blender makes an object each, and how deep they may be within each other.
+#: Maximum number of nodes (Blender makes an object of each), and maximum depth of nodes within nodes.
 _MOST_NODES, _DEEPEST = 50_000, 500
 #: How often each byte of the buffers may be used, and bytes that may be used beside them.
 _MOST_USES, _MOST_BESIDE = 64, 2**28

@@ -16,7 +16,7 @@ _PNG, _JPEG, _EXR = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"\x76\x2f\x31\x01"
 _TIFFS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 #: Pixels that an image may have for each byte of its file; photographs have 2 to 10.
 _PIXELS_PER_BYTE = 16
-#: Scans of a JPEG file, each of which may go through the whole image; usual are 1 to 10.
+#: Maximum number of scans of a JPEG file, usually 1 to 10; each may go through the whole image.
 _MOST_SCANS = 100
 #: Bytes of a header, but for JPEG, whose comments come before it.
 _MOST_HEADER = 2**16

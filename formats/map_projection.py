@@ -1,8 +1,8 @@
 """From the coordinates of a map to the ground: how long a metre of the map is at a place, and where north is there.
 
 A map's metre is a metre of ground only where its projection is true to scale: a Mercator map at 60° is twice too wide.
-Projections are those of a sphere (Snyder, "Map Projections: A Working Manual", USGS Professional Paper 1395, 1987); on
-an ellipsoid such as Earth's that is right to the flattening, 0.3 % in latitude and scale. Numbers of keys: GeoTIFF 1.1
+Projections are from a sphere (Snyder, "Map Projections: A Working Manual", USGS Professional Paper 1395, 1987); on
+an ellipsoid such as Earth's they are right to the flattening, 0.3 % in latitude and scale. Numbers of keys: GeoTIFF 1.1
 (OGC 19-008r4); parameters of systems that a file states by number: the EPSG registry (epsg.org).
 """
 
@@ -295,7 +295,7 @@ def _body_text(keys: Mapping[int, Any]) -> str:
 
 def datum_text(keys: Mapping[int, Any]) -> str:
     """The datum that GeoKeys state: ``EPSG:`` and the number of a geographic system, the half axes of the ellipsoid, or
-    that of a map system with a number; empty if they state none."""
+    the datum of a map system with a number; empty if they state no datum."""
     code, projected = (keys.get(key, 0) for key in (_GEOGRAPHIC_KEY, _PROJECTED_KEY))
     if code not in (0, _USER_DEFINED):
         return f"EPSG:{code}"

@@ -12,11 +12,11 @@ from collections.abc import Callable
 
 #: The address to which a link leads, or None if it leads nowhere here.
 Address = Callable[[str], "str | None"]
-#: The HTML of a formula in TeX, or None if there is none and the formula stays as it is written.
+#: The HTML of a formula in TeX, or None to leave the formula as it is written.
 Formula = Callable[[str], "str | None"]
 _PICTURE = re.compile(r"\[?!\[([^\]]*)\]\([^)]*\)(?:\]\([^)]*\))?")
 _LINK = re.compile(r"\[([^\]]+)\]\(([^)\s]+)\)")
-#: Code, a formula in a line of its own, a formula in the text.
+#: Code, a displayed formula, a formula in the text.
 _KEPT = re.compile(r"`(?P<code>[^`]+)`|\$\$(?P<block>.+?)\$\$|(?<![\w$])\$(?P<tex>[^$\s](?:[^$]*[^$\s])?)\$(?![\w$])",
                    re.DOTALL)
 _ITEM = re.compile(r"(?:[*-]|\d+\.) +")
@@ -26,7 +26,7 @@ _ESCAPED_HTML = re.compile(r'&lt;(br|span id="[\w.]+"|/span)&gt;|&amp;(nbsp|lt);
 
 
 def formulas(text: str) -> list[tuple[str, bool]]:
-    """The formulas of a page in TeX, and whether each stands in a line of its own."""
+    """The formulas of a page in TeX, each with whether it is displayed apart from the text."""
     outside = re.sub(r"^ *```.*?^ *```$", "", text, flags=re.DOTALL | re.MULTILINE)
     return [(_tex(found), bool(found["block"]))
             for found in _KEPT.finditer(outside) if not found["code"]]

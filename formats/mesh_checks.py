@@ -1,8 +1,8 @@
-"""Whether a mesh file has what it states, before a library parses it.
+"""Whether the statements of a mesh file are true, before a library parses it.
 
-Blender's importers make room for whatever a header states, follow the names of files, and take what is no number for
-zero. Formats: Stanford PLY, STL, Wavefront OBJ, glTF 2.0 (Khronos), USDZ (Pixar), binary FBX as Blender's developers
-describe it. The contents of USD files and of FBX in ASCII are left to their libraries.
+Blender's importers make room for whatever a header states, follow the names of files, and read zero where a number is
+malformed. Formats: Stanford PLY, STL, Wavefront OBJ, glTF 2.0 (Khronos), USDZ (Pixar), binary FBX as described by
+Blender's developers. The contents of USD files and of FBX in ASCII are left to their libraries.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ _MOST_LIBRARY = 2**22
 #: Deepest nesting of an FBX file, members of a USDZ archive.
 _DEEPEST, _MOST_MEMBERS = 32, 1000
 _FBX_MARK = b"Kaydara FBX Binary  \0\x1a\0"
-#: Bytes of the values of FBX by the letter of their type: single ones, and those of arrays.
+#: Bytes of an FBX value by the letter of its type: of single values, and of values in arrays.
 _FBX_VALUES = {b"Y": 2, b"C": 1, b"B": 1, b"I": 4, b"F": 4, b"D": 8, b"L": 8}
 _FBX_ARRAYS = {b"f": 4, b"d": 8, b"l": 8, b"i": 4, b"b": 1, b"c": 1}
 
 
 def check_mesh(path: Path, kind: str) -> None:
-    """Compare a mesh file of a ``kind`` of ``mesh_file.detect_kind`` with itself.
+    """Check the content of a mesh file of a ``kind`` (see ``mesh_file.detect_kind``) against its own statements.
 
-    Raises IcyMoonError for one that states what it has not, that names files which a mesh may not name, or that has
-    something else than numbers where it needs them.
+    Raises IcyMoonError for a file that lacks stated data, that names files which a mesh may not name, or that has
+    something other than a number where it needs one.
     """
     if kind == "glTF":
         for name in gltf.check(path):
@@ -78,7 +78,7 @@ def _check_usd(path: Path, foreign: ForeignBytes) -> None:
     if foreign.part(0, min(4, foreign.size)) == b"PK\3\4":
         _check_usdz(foreign)
     elif foreign.part(0, min(5, foreign.size)) == b"#usda":
-        # Names of files stand between @. What is no regular file would hold up the library.
+        # Names of files stand between @. A file that is not regular, such as a pipe, would hold up the library.
         for _, line in foreign.lines(longest=2**26):
             for name in line.split(b"@")[1::2]:
                 _check_named(path, path.parent / os.fsdecode(name))

@@ -1,4 +1,4 @@
-"""What a mesh file is and what loading it will cost, from its first bytes and its size.
+"""The format of a mesh file and the cost of loading it, from its first bytes and its size.
 
 Formats: Stanford PLY, STL (binary and ASCII), Wavefront OBJ, glTF 2.0 (Khronos), USD (Pixar), FBX.
 """
@@ -17,7 +17,7 @@ from .gltf import find_buffers, read_gltf
 FORMATS = {".obj": "OBJ", ".ply": "PLY", ".stl": "STL", ".gltf": "glTF", ".glb": "glTF", ".usd": "USD", ".usda": "USD",
            ".usdc": "USD", ".usdz": "USD", ".fbx": "FBX"}
 _OPENING = 65536
-#: Statements by one of which an OBJ file is known.
+#: An OBJ file has at least one line that begins with one of these words.
 _OBJ_WORDS = (b"v", b"#", b"o", b"g", b"mtllib")
 #: Measured on a grid of a million triangles that Blender 5.0 wrote: bytes of file per triangle where no header
 #: counts them; seconds and bytes of memory per triangle to read, examine and repair it, on a 2-core server.
@@ -29,7 +29,7 @@ _SECONDS_USDA, _MEMORY_BYTES_USDA = 16e-6, 1900.0
 
 @dataclass(frozen=True)
 class Cost:
-    """What loading a mesh will take, roughly; ``exact`` if the header states the number of triangles."""
+    """Rough time and memory for loading a mesh; ``exact`` if the header states the number of triangles."""
 
     triangles: int
     seconds: float
@@ -51,7 +51,7 @@ class Cost:
 def detect_kind(path: Path) -> str:
     """'OBJ', 'PLY', 'STL', 'glTF', 'USD' or 'FBX': the suffix, confirmed by the file's first bytes.
 
-    Raises IcyMoonError if the file is absent, empty, of another kind or not what its suffix promises.
+    Raises IcyMoonError if the file is absent, empty, of another kind or does not match its suffix.
     """
     kind = FORMATS.get(path.suffix.lower())
     if kind is None:
@@ -94,7 +94,7 @@ def _looks_like(kind: str, suffix: str, start: bytes) -> bool:
 
 
 def estimate_cost(path: Path) -> Cost:
-    """What loading the mesh will take. Raises IcyMoonError as ``detect_kind`` does."""
+    """The cost of loading the mesh. Raises IcyMoonError as ``detect_kind`` does."""
     kind, size = detect_kind(path), path.stat().st_size
     counted, suffix = _read_triangle_count(kind, path), path.suffix.lower()
     triangles = counted if counted is not None else round(size / _FILE_BYTES.get(suffix, _FILE_BYTES_ELSE))

@@ -1,4 +1,4 @@
-"""The images that a mesh file brings for its surface: what they are for, and where they lie.
+"""The images that a mesh file brings for its surface: their purposes and their files.
 
 OBJ names them in its material library, glTF in its materials, PLY in a comment of its header (``TextureFile``, as
 VCGlib writes it). Formats: Wavefront MTL with the extension of Clara.io for physical materials, Khronos glTF 2.0.
@@ -39,8 +39,8 @@ _GLTF = (("albedo", ("pbrMetallicRoughness", "baseColorTexture"), 0, None),
 
 @dataclass(frozen=True)
 class MeshImage:
-    """An image in ``file``: the whole file, or what ``data`` gives of it. ``channel`` counts where one does, and
-    ``not_followed`` is what the mesh asks for beside it and cannot be done. Two are equal if they are one image."""
+    """An image in ``file``: the whole file, or the bytes that ``data`` returns. ``channel`` is its channel that counts,
+    where only one does; ``not_followed`` is an unsupported request of the mesh. Equal objects are one image."""
 
     file: Path
     place: str = ""
@@ -140,7 +140,7 @@ def _parse_library(path: Path, foreign: ForeignBytes) -> Iterator[tuple[str, Mes
             else:
                 del words[:min(_OPTIONS.get(option, 0), len(words) - 1)]
         if words:
-            # The name may hold spaces, of which split() would keep one each.
+            # The name may contain runs of spaces, which split() would shorten.
             yield _MTL[statement.lower()], MeshImage(_find_beside(path, rest[rest.index(words[0]):]),
                                                      not_followed=moved)
 
@@ -169,7 +169,7 @@ def _find_in_gltf(path: Path, document: dict[str, Any]) -> Iterator[tuple[str, M
 
 
 def _unsupported_use(stated: dict[str, Any], factor: float) -> str:
-    """What a glTF material asks for beside its image."""
+    """The unsupported request of a glTF material for its image, as a clause; empty if there is no such request."""
     transform = stated.get("extensions", {}).get("KHR_texture_transform", {})
     if stated.get("texCoord", 0) != 0 or transform.get("texCoord", 0) != 0:
         return "has UV coordinates of its own"

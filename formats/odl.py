@@ -16,7 +16,7 @@ Value = str | list["Value"]
 _DEEPEST = 32
 _OPENS, _CLOSES = ("OBJECT", "GROUP", "BEGIN_OBJECT", "BEGIN_GROUP"), ("END_OBJECT", "END_GROUP")
 _ENDS = {"(": ")", "{": "}"}
-#: What the text goes on with. Matched where the last token ended, and each alternative takes every character once.
+#: The next token. Matched where the last token ended, and each alternative takes every character once.
 _TOKEN = re.compile(r"""(?P<space>\s++|/\*(?s:.*?)\*/|<[^<>]*>)|"(?P<text>[^"]*)"|'(?P<symbol>[^']*)'"""
                     r"""|(?P<sign>[=(){},])|(?P<word>(?:(?!/\*)[^\s=(){},<>"'])+)""")
 
@@ -39,7 +39,7 @@ class Group:
 
 
 def parse_label(text: str) -> Group:
-    """The content of a label as a group without a name. Raises ValueError, with the line, for what is no label."""
+    """The content of a label as a group without a name. Raises ValueError, with the line, if it is not a label."""
     return _Parser(text).parse()
 
 

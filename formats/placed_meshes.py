@@ -31,7 +31,7 @@ from .ply import FACE, header_of
 _ROWS = 100_000
 #: Bytes of a binary glTF file at most, since its length is a number of 32 bits.
 _MOST_GLTF = 2**32 - 1
-#: From the axes of a site, z up, to those of glTF, y up; columns first, as glTF has it.
+#: Matrix from the axes of a site, z up, to the axes of glTF, y up; columns first, as in glTF.
 _Y_UP = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 #: What glTF calls 32-bit floats and unsigned integers, and the two kinds of data of a mesh.
 _FLOAT, _UNSIGNED, _VERTICES, _INDICES = 5126, 5125, 34962, 34963

@@ -1,7 +1,7 @@
 """PLY files: numbers of vertices and faces as they stand in a file, and triangles written to one.
 
-Blender's PLY importer makes zeros of numbers that are none (measured in 4.2, 5.0 and 5.2), single precision of
-doubles, and reads texture coordinates only where they are called s and t; reconstructions have all of these.
+Blender's PLY importer reads malformed numbers as zeros (measured in 4.2, 5.0 and 5.2), doubles in single precision, and
+texture coordinates only if they are called s and t; reconstructions have all of these.
 Format: Turk, "The PLY Polygon File Format", 1994; texture coordinates of face corners (``texcoord``) as VCGlib writes
 them.
 """
@@ -38,7 +38,7 @@ _VERTEX_UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("tx", "ty"))
 _MOST_HEADER, _MOST_ROWS = 2**16, 2**40
 #: Rows, and bytes of rows with lists, that are looked at together; longest row of a text in bytes.
 _ROWS, _TOGETHER, _LONGEST_ROW = 2**16, 2**22, 2**20
-#: Largest mesh file in bytes, of which never all is in memory at once.
+#: Largest mesh file in bytes; it is never in memory as a whole.
 MOST_MESH = 2**36
 #: Lists and numbers that are numbers of vertices.
 _FACE_LISTS = ("vertex_indices", "vertex_index")
@@ -80,7 +80,8 @@ class _Element:
 
 @dataclass(frozen=True)
 class _Header:
-    """The data begin at byte ``start``, after ``lines`` lines; ``order`` is that of numpy's types, empty for ASCII."""
+    """The data begin at byte ``start``, after ``lines`` lines; ``order`` is numpy's sign of their byte order, empty for
+    ASCII."""
 
     order: str
     elements: tuple[_Element, ...]
@@ -149,7 +150,7 @@ def texture_files(path: Path) -> list[bytes]:
 
 
 def check(foreign: ForeignBytes) -> None:
-    """Compare the data with what the header states, before a library makes room for it.
+    """Compare the data with the header's statements, before a library makes room for the data.
 
     Raises ValueError, with the line, for rows that are not there, values that are no numbers, and faces and edges with
     vertices that are not there.
@@ -219,7 +220,7 @@ def _check_lists(foreign: ForeignBytes, at: int, element: _Element, order: str, 
 
 
 def _type_of_first_row(foreign: ForeignBytes, at: int, element: _Element, order: str) -> np.dtype[np.void]:
-    """The type of a row whose lists are as long as those of the row at a place."""
+    """The type of an element's rows if all lists are as long as in the row at byte ``at``."""
     fields: list[tuple[str, str, tuple[int, ...]]] = []
     for each in element.properties:
         length = 1
@@ -267,7 +268,7 @@ def _check_rows(foreign: ForeignBytes, at: int, element: _Element, order: str, v
 
 
 def _check_text(foreign: ForeignBytes, header: _Header, vertices: int) -> None:
-    with suppress(UnusualError, ValueError):  # what is wrong is found line by line
+    with suppress(UnusualError, ValueError):  # the check line by line finds the fault
         _check_usual_text(foreign, header, vertices)
         return
     lines = foreign.lines(header.start, _LONGEST_ROW)
@@ -365,7 +366,7 @@ def _lists_of(element: _Element, lowest: list[int | None], words: list[bytes]) -
 
 
 def read_comment_number(path: Path, name: str) -> int | None:
-    """The whole number of a comment ``name N``, or None if there is none. Raises IcyMoonError for no PLY file."""
+    """The whole number N of a comment ``name N``, None without one. Raises IcyMoonError if the file is not PLY."""
     header = read(path, _parse_header, "a PLY file", _FIX, most=MOST_MESH)
     found = next((words[1] for text in header.comments if len(words := text.split()) == 2
                   and words[0] == name.encode()), b"")
@@ -378,10 +379,10 @@ def read_vertices(path: Path) -> np.ndarray | None:
 
 
 def read_properties(path: Path, *wanted: str) -> np.ndarray | None:
-    """These properties (n, len(wanted)) float64 of the vertices, or None where the file's layout is not the usual one.
+    """The ``wanted`` properties (n, len(wanted)) float64 of the vertices, or None if the file's layout is unusual.
 
-    Usual is: vertices first, each of scalar properties with those ``wanted`` among them. Raises IcyMoonError for a file
-    that is none, or has a row that is none.
+    In the usual layout vertices come first and have scalar properties only, the ``wanted`` ones among them. Raises
+    IcyMoonError if the file is not PLY, or a row is malformed.
     """
     return read(path, lambda foreign: _read_properties(foreign, wanted), "a PLY file", _FIX, most=MOST_MESH)
 
@@ -408,8 +409,9 @@ def _read_properties(foreign: ForeignBytes, wanted: tuple[str, ...]) -> np.ndarr
 def read_texture_coordinates(path: Path, faces: np.ndarray) -> np.ndarray | None:
     """Texture coordinates (m, 3, 2) of the corners of triangles ``faces`` (m, 3), vertices of this file.
 
-    Those of the file's faces, which keep seams, count before those of its vertices. None if it has none, or in
-    another layout: with corners, vertices and then nothing but triangles, of which ``faces`` may be some.
+    The coordinates of the file's faces keep seams, so they come before the coordinates of its vertices. None if the
+    file has neither, or an unsupported layout: with coordinates of faces, vertices must come first and then triangles
+    only, and ``faces`` may be some of them.
     """
     found = _read_corner_coordinates(path, faces)
     if found is not None:
@@ -523,7 +525,8 @@ def encode_triangles(names: tuple[str, ...], vertices: np.ndarray, triangles: np
 
 
 def header_of(names: tuple[str, ...], vertices: int, triangles: int, comments: tuple[str, ...] = ()) -> bytes:
-    """The header of a binary file of so many vertices, with these properties in single precision, and triangles."""
+    """The header of a binary file with numbers of vertices and triangles; ``names`` are the vertices' properties, in
+    single precision."""
     header = ["ply", "format binary_little_endian 1.0", *(f"comment {each}" for each in comments),
               f"element vertex {vertices}", *(f"property float {name}" for name in names),
               f"element face {triangles}", "property list uchar int vertex_indices", "end_header", ""]

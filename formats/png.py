@@ -1,4 +1,4 @@
-"""Encoding PNG files in numpy, for pictures that are made in Blender, and checking those of others before a library."""
+"""Encodes PNG files in numpy, for pictures made in Blender, and checks foreign PNG files before a library reads any."""
 
 from __future__ import annotations
 

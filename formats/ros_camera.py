@@ -2,8 +2,8 @@
 
 Each has the matrix K and the distortion of a camera (plumb_bob: k1, k2, p1, p2, k3), and the rotation R and the matrix
 P of the rectified pair; the right eye's P contains -f B (sensor_msgs/CameraInfo). Pixels are counted from the centre of
-the first one. Where ``roi`` and ``binning`` say that images are a binned part of those that were calibrated, K and P
-become those of the images, as in ROS' image_geometry. Only this subset of YAML is read: mappings by indentation, with
+the first one. Where ``roi`` and ``binning`` state that the images are a binned part of the calibrated ones, K and P are
+converted to the images, as in ROS' image_geometry. Only this subset of YAML is read: mappings by indentation, with
 numbers, words and lists in brackets.
 """
 
@@ -54,7 +54,7 @@ class RosCamera:
 
 
 def read_ros_camera(path: Path) -> RosCamera:
-    """A calibration. Raises IcyMoonError if it is none, or of a lens model that ROS has not."""
+    """Read a calibration. Raises IcyMoonError if the file is not one, or its lens model is not supported."""
     return read(path, _parse, "a calibration of ROS", _FIX, _MOST_BYTES)
 
 
@@ -112,7 +112,7 @@ def _binning(stated: dict[str, Any], key: str) -> int:
 
 
 def _parse_mapping(text: str) -> dict[str, Any]:
-    """The keys of a text with their values; a mapping within is one of its own."""
+    """The keys of a text with their values; a nested mapping becomes a nested dict."""
     found: dict[str, Any] = {}
     inside: dict[str, Any] | None = None
     lines = iter(text.split("\n"))

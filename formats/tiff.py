@@ -25,13 +25,13 @@ from ..errors import IcyMoonError
 from ..support.foreign_bytes import Budget, ForeignBytes, OverBudgetError, RefusedError, read
 from . import gdal_lines
 
-#: How errors name the format, the fix for a torn file, which no program mends, and the most bytes of a file, of which
-#: only the tiles are read that are needed.
+#: The name of the format in errors, the fix for a torn file, which no program can repair, and the maximum number of
+#: bytes of a file; only the tiles that are needed are read.
 KIND, FIX, MOST_BYTES = "a whole TIFF file", "copy it again from where it is whole", 2**40
 #: Largest number of pixels that are read.
 MOST_PIXELS = 2**30
-#: Memory for what is read: this much for any file, and so many bytes for each byte of a larger one. A tile may be
-#: absent, or packed a thousandfold, but the heights of a place are not.
+#: Bytes of memory for reading any file, and further bytes for each byte of the file. A tile may be absent, or packed a
+#: thousandfold, but the heights of a place are not.
 _MEMORY, _MEMORY_PER_BYTE = 2**28, 64
 #: Bytes of memory for a pixel while it is made a height, and for a value of a tag.
 _PIXEL_MEMORY, _VALUE_MEMORY = 16, 64
@@ -45,7 +45,7 @@ _MOST_DIRECTORIES, _MOST_TAGS = 1000, 4096
 #: The tags that anything here or in ``geotiff`` uses; others are left out.
 _USED = {254, 256, 257, 258, 259, 262, 266, 273, 274, 277, 278, 279, 317, 322, 323, 324, 325, 339, 33550, 33922, 34264,
          34735, 34736, 42112, 42113}
-#: Memory that a decompressor may take for what it remembers.
+#: Bytes of memory that a decompressor may take for its window.
 _MOST_MEMORY_OF_UNPACKER = 2**27
 
 Tags = dict[int, tuple[Any, ...]]
@@ -59,7 +59,7 @@ class UnreadError(RefusedError):
 class Directory:
     """One image of a TIFF file: the values of its ``tags`` by number, and the byte ``order`` for struct.
 
-    ``name`` is that of the file, for commands that convert it.
+    ``name`` is the name of the file, for commands that convert it.
     """
 
     tags: Tags
@@ -87,7 +87,7 @@ class Directory:
 
 
 def grant_memory(foreign: ForeignBytes) -> None:
-    """Let what is read of a file take memory in proportion to its size."""
+    """Let reading a file take memory in proportion to its size."""
     foreign.budget = Budget(_MEMORY + _MEMORY_PER_BYTE * foreign.size)
 
 
@@ -121,7 +121,7 @@ def stores_floats(path: Path) -> bool:
 
 
 def _read_tags(foreign: ForeignBytes, at: int, order: str, place: str) -> tuple[Tags, int]:
-    """Values of a directory's tags by number, and where the next directory is, 0 if there is none."""
+    """Values of a directory's tags by number, and the place of the next directory, 0 after the last."""
     big = place.endswith("Q")
     head, inline = (f"{order}HHQ", 8) if big else (f"{order}HHI", 4)
     length = 8 if big else 2
@@ -199,13 +199,13 @@ def read_pixels(foreign: ForeignBytes, image: Directory, window: tuple[range, ra
             if len(block) < length:
                 raise ValueError(f"a tile or strip of {len(block)} bytes")
             values = _undo_prediction(block[:length], (tall, width), number, predictor)
-            with np.errstate(invalid="ignore"):  # a number that is none stays none
+            with np.errstate(invalid="ignore"):  # NaN stays NaN
                 grid[rows_here, columns_here] = values[rows_there, columns_there]
     return grid, number
 
 
 def _make_smaller(image: Directory, wanted: int) -> str:
-    """The fix for a file of which ``wanted`` pixels take too much memory: tiles, or coarser pixels."""
+    """The fix for a file whose ``wanted`` pixels take too much memory: tiles, or coarser pixels."""
     if _PIXEL_MEMORY * wanted <= _MEMORY // 2:
         return f"store it in tiles, in its folder with: {gdal_lines.tile(image.name)}"
     rows, columns = image.shape
@@ -215,7 +215,7 @@ def _make_smaller(image: Directory, wanted: int) -> str:
 
 
 def _overlap(start: int, size: int, wanted: range) -> tuple[slice, slice]:
-    """The part of ``size`` rows (or columns) from ``start`` on that is ``wanted``: there, and in what is wanted."""
+    """The overlap of ``size`` rows (or columns) from ``start`` on with the ``wanted`` ones, as slices of both."""
     first, last = max(start, wanted.start), min(start + size, wanted.stop)
     return slice(first - start, last - start), slice(first - wanted.start, last - wanted.start)
 
@@ -248,7 +248,7 @@ def _convert(image: Directory, *options: str) -> str:
 
 
 def _choose_unpacker(image: Directory) -> Callable[[bytes, int], bytes]:
-    """What undoes the compression of a tile or strip, given the length that it has then. Raises UnreadError."""
+    """A function that decompresses a tile or strip to a given length. Raises UnreadError for an unsupported method."""
     compression = image.number(259, 1)
     if compression == 50000 and (zstandard := _find_zstandard()):
         return zstandard

@@ -38,11 +38,11 @@ def _parse_beginning(beginning: str, budget: Budget) -> dict[str, Any] | None:
 
 
 def find_line(text: str, key: Key, budget: Budget | None = None) -> int | None:
-    """The line, from 1, in which the value or table at ``key`` begins; None if there is none.
+    """The line, from 1, in which the value or table at ``key`` begins; None if the text has no such key.
 
     Where ``budget`` is used up, only lines of usual spellings are found.
 
-    ``("sweep", 2, "rig", "pitch_deg")`` is the setting in the third table of a list. ``tomllib`` tells no lines, but
+    ``("sweep", 2, "rig", "pitch_deg")`` is the setting in the third table of a list. ``tomllib`` gives no lines, but
     the beginning of a file up to a line is a TOML file too: the first beginning that holds the key ends with it, and
     the last whole beginning before it ends just before it. So every spelling that TOML allows is understood.
     """
@@ -78,8 +78,8 @@ def find_line(text: str, key: Key, budget: Budget | None = None) -> int | None:
 
 @functools.lru_cache(maxsize=64)
 def _find_plain_line(text: str, key: Key) -> int | None:
-    """The line of a key in a text that is too long for ``find_line`` to parse, read as most files are written: a
-    header or a key begins a line, and no text has several. A place in a list is that of the list."""
+    """The line of a key in a text that is too long for ``find_line`` to parse, read as most files are written:
+    headers and keys begin lines, and no text has several lines. A key within a list has the line of the list."""
     header: Key = ()
     counts: dict[Key, int] = {}
     while len(key) > 2 and isinstance(key[-1], int):
@@ -129,5 +129,5 @@ class Place:
     def __str__(self) -> str:
         key, budget = self.key, Budget(_MOST_PARSED)
         while key and (line := find_line(self.text, key, budget)) is None:
-            key = key[:-1]  # what is absent is told at the table it belongs to
+            key = key[:-1]  # an absent key is reported at the table it belongs to
         return f"{self.file}, line {line}" if key else str(self.file)

@@ -27,7 +27,7 @@ from .reconstructions import reconstruct
 from .texture_maps import make_maps
 
 _RECORD = "made.json"
-#: What the record of a folder states: the relief of a texture's height image in metres, 0 for a mesh.
+#: Shape of the record of a folder; ``height_m`` is the relief of a texture's height image in metres, 0 for a mesh.
 _SHAPE = {"recipe": COUNT, "height_m": NUMBER, "sha256": Each(SHA256, FILE_NAME)}
 _OLD_S = 3600.0  # after which a part is a leftover of a process that was killed
 
@@ -102,7 +102,7 @@ def _write_all(folder: Path, height_m: float, encoded: Mapping[str, bytes]) -> N
             with suppress(OSError):
                 if time.time() - part.stat().st_mtime > _OLD_S:
                     remove(part)
-        remove(folder / _RECORD)  # what it states is about to change
+        remove(folder / _RECORD)  # it is about to become untrue
     for name, data in encoded.items():
         write_atomically(folder / name, functools.partial(_write, data))
     write_json(folder / _RECORD, {"recipe": RECIPE, "height_m": height_m,

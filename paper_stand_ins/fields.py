@@ -53,7 +53,7 @@ def sample(field: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarr
 
 
 def warp(field: np.ndarray, rows_px: np.ndarray, columns_px: np.ndarray) -> np.ndarray:
-    """The field where each pixel shows the value that lies so many pixels away."""
+    """The field with the value at each pixel taken from ``rows_px`` and ``columns_px`` pixels away."""
     axis = np.arange(len(field), dtype=float)
     return sample(field, axis[:, None] + rows_px, axis[None, :] + columns_px)
 
@@ -214,8 +214,8 @@ def normals(height: np.ndarray) -> np.ndarray:
 
 
 def openness(height: np.ndarray, reach_px: float) -> np.ndarray:
-    """About the share of the sky that each point of heights in pixels sees, from 0 to 1, by what rises above it within
-    some distances up to ``reach_px``: 1 on crests, less in hollows."""
+    """Approximate share of the sky, 0 to 1, that each point of heights in pixels sees over higher ground within
+    distances up to ``reach_px``: 1 on crests, less in hollows."""
     hidden = np.zeros_like(height)
     radius, count = 1.5, 0
     while radius <= reach_px:

@@ -99,7 +99,7 @@ def _drift(random: np.random.Generator, xy: np.ndarray, size_m: float) -> np.nda
 
 
 def _within_rim(random: np.random.Generator, xy: np.ndarray, item: MeshItem) -> np.ndarray:
-    """Which places are within the ragged rim of what was photographed."""
+    """Which places are within the ragged rim of the photographed ground."""
     turn = np.arctan2(xy[:, 1], xy[:, 0])
     radius = np.full(len(xy), 0.46)
     for k in range(2, 24):
@@ -122,7 +122,7 @@ def _rim_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _largest_sheet(places: np.ndarray, faces: np.ndarray, keep: np.ndarray) -> np.ndarray:
-    """Of the faces to keep those of the largest part, without faces that touch others only at a corner."""
+    """The faces to keep that belong to the largest part, without faces that touch others only at a corner."""
     keep = keep.copy()
     while True:
         kept = np.flatnonzero(keep)
@@ -227,7 +227,8 @@ def _boulders(draw: Draw, across: int, share: float, there: np.ndarray | None = 
 
 
 def _channels(draw: Draw, count: int, turns: int, width_px: float) -> np.ndarray:
-    """Share, 0 to 1, of each point in ``count`` meandering channels that run across, and so often up; smooth banks."""
+    """Share, 0 to 1, of each point in meandering channels with smooth banks; a column of pixels crosses ``count`` of
+    them, a row ``turns``."""
     n = draw.n
     phase = (count * np.arange(n)[:, None] + turns * np.arange(n)[None, :]) / n
     bend = 0.3 * draw.waves(4.4, 1 / 4, 1.0) + 0.05 * draw.waves(3.6, 1 / 16, 1 / 5)

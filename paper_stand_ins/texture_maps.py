@@ -1,8 +1,8 @@
 """The maps of the stand-in textures: snow, firn and ice, made by code.
 
 Each texture is a relief in metres and a material. The six that stand in for photographs have light and shadow in their
-albedo image, as photographs do, so their other maps are for whoever wants them. What the statistics follow is in
-``items``; the rest is a guess.
+albedo image, as photographs do, so their other maps are optional. The statistics are in ``items``; the rest is a
+guess.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def make_maps(key: str, seed: int = SEED, size: int = PIXELS) -> Maps:
 
 def _with_mean(picture: np.ndarray, mean: float) -> np.ndarray:
     """The picture with this mean in green, and nothing below 0 or above 1."""
-    for _ in range(6):  # what is cut off at 1 darkens it again
+    for _ in range(6):  # clipping at 1 darkens it again
         picture = np.clip(picture * (mean / picture[..., 1].mean()), 0.0, 1.0)
     return picture
 
@@ -95,7 +95,7 @@ def _grain(draw: Draw, longest: float = 1 / 40) -> np.ndarray:
 
 def _bent(draw: Draw, cells: float, longest: float = 0.5,
           shortest: float = 1 / 16) -> tuple[np.ndarray, np.ndarray]:
-    """A smooth random shift (rows, columns) of so many cells."""
+    """A smooth random shift (rows, columns) of ``cells`` cells."""
     return (cells * draw.waves(5.0, shortest, longest),
             cells * draw.waves(5.0, shortest, longest))
 

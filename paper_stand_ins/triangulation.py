@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-_ROUNDS = 80  # of flips; what is left then is harmless
+_ROUNDS = 80  # of flips; the triangles that could still be better are harmless
 
 
 def triangulate(random: np.random.Generator, heights: np.ndarray, triangles: int,
@@ -95,7 +95,7 @@ def _twice_area(places: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _moved(random: np.random.Generator, places: np.ndarray, faces: np.ndarray, size: int) -> np.ndarray:
-    """The vertices, each moved by less than what could turn over a triangle, but those of the border."""
+    """The vertices, each moved by too little to turn over a triangle; vertices on the border stay."""
     height = np.full(len(places), np.inf)  # least height of a triangle at each vertex
     for k in range(3):
         a, b = places[faces[:, k]], places[faces[:, (k + 1) % 3]]

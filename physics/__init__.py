@@ -1,1 +1,1 @@
-"""What is known: terrain statistics, size laws, directions, sensors. numpy and float64 only, no Blender."""
+"""Physical models: terrain statistics, size laws, directions, sensors. numpy and float64 only, no Blender."""

@@ -1,7 +1,8 @@
 """Whether a scene can be rendered as its settings mean it: one check for plans, renders and the window.
 
-What is refused would be wrong without an error: an eye in the ground or in a rock, which sees black; ice that reflects
-more light than it gets; rocks of which none fits on the ground; a date outside the years for which the sky is known.
+A refused scene would render wrong images without an error: an eye in the ground or in a rock, which sees black; ice
+that reflects more light than it gets; ground on which no rock fits; a date outside the years for which the
+sky is known.
 ``settings`` are complete. Every reason is a sentence that names the settings, their values and the fix.
 """
 
@@ -36,7 +37,7 @@ from .terrain.sites import RockyGround, make_rocky_ground
 
 #: Least height of an eye above the ground in metres: ten times the distance at which the lens clips.
 LOWEST_M = 1e-3
-#: Cosines of the incidence at which the light that ice returns is compared with what it gets, to 88.9 degrees.
+#: Cosines of the incidence, to 88.9 degrees, at which the light that ice returns is compared with the light it gets.
 _COSINES = np.array([1.0, 0.7, 0.4, 0.2, 0.1, 0.05, 0.02])
 #: What Hapke's law may return too much: grains of w 1 that scatter evenly return 1.040 of the light with the H function
 #: of 1981 and 0.993 with the others, so this is the fault of the approximation and not of parameters. The set published
@@ -85,7 +86,7 @@ def reasons_of_settings(settings: Settings) -> list[Reason]:
 
 
 def scene_advice(settings: Settings) -> list[str]:
-    """Sentences about a scene that is rendered although something may not be what the user expects."""
+    """Sentences about a scene that can be rendered but may not be as the user expects."""
     rig, patch = settings.rig, settings.terrain
     said = centre_advice(rig)
     if not math.isfinite(ground_row(rig, float(rig.height_px)).depth_m):
@@ -107,8 +108,8 @@ def returned_share(parameters: HapkeParameters) -> tuple[float, float]:
 
 @lru_cache(maxsize=64)
 def _excess_light(parameters: HapkeParameters) -> tuple[float, float, float] | None:
-    """What ice returns that is too much (share, incidence in degrees, the largest w of two digits with which it does
-    not), or None."""
+    """The share of light that ice returns, the incidence in degrees and the largest allowed w of two digits, if ice
+    returns too much; else None."""
     most = _MOST_RETURNED[parameters.h_function]
     share, incidence = returned_share(parameters)
     if share <= most:

@@ -66,7 +66,7 @@ def only_camera_meets_relief(surface: SurfaceSettings, quality: QualitySettings)
 
 
 def relief_of_camera_alone(settings: Settings, topic: str) -> bool:
-    """Whether a surface has fine relief, its own or that of images, which only camera rays see."""
+    """Whether a surface has fine relief, from noise or from images, that only camera rays see."""
     surface = rendered_surface(settings, topic)
     shaded = (surface.relief != "DISPLACEMENT" and surface.grain_amplitude_m > 0) or (
         settings.textures.set != "NONE")
@@ -76,8 +76,8 @@ def relief_of_camera_alone(settings: Settings, topic: str) -> bool:
 def why_not_baked(settings: Settings) -> str:
     """Why indirect light cannot be baked to the ground, as a clause; empty if it can.
 
-    Baked light is that of a diffuse surface, which looks the same from everywhere. Planet, rings and stars as they are
-    seen give no light, only the planet's lamp does.
+    Baked light assumes a diffuse surface, which looks the same from everywhere. The visible planet, rings and stars
+    give no light; only the planet's lamp does.
     """
     if settings.surface.model != "LAMBERT":
         return "the ground is not Lambert's (surface.model)"
@@ -114,7 +114,7 @@ def bake_advice(settings: Settings) -> list[str]:
 
 
 def images_per_bake(settings: Settings, images: int) -> int:
-    """How many of so many images of a ground under one Sun share a bake: all, or one if only what it sees is baked."""
+    """Number of the ``images`` of a ground under one Sun that share a bake: all, or one if only its view is baked."""
     return images if settings.quality.bake_area == "GROUND" else 1
 
 

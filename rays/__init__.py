@@ -1,1 +1,1 @@
-"""Rays against triangles: what they meet, and what stands in their way. Imports no Blender."""
+"""Rays against triangles: the first triangle that a ray meets, and whether a ray is blocked. Imports no Blender."""

@@ -70,7 +70,7 @@ def _find_files(folders: Sequence[Path]) -> Iterator[str]:
 
 
 def load_library(folders: Sequence[Path] = ()) -> ctypes.CDLL | None:
-    """Embree, from one of ``folders``, else from the package embreex or the system; None if there is none."""
+    """Embree, from one of ``folders``, else from the package embreex or the system; None if none of them has it."""
     for file in _find_files(folders):
         try:
             library = ctypes.CDLL(file)
@@ -149,7 +149,7 @@ class EmbreeTracer:
             self._top, self._kept = None, []
 
     def intersect(self, origin: np.ndarray, direction: np.ndarray, near: float, far: float) -> Hits:
-        """What rays (n, 3) meet first from ``near`` to ``far`` times their direction. ``origin`` is (3,) or (n, 3).
+        """The first hits of rays (n, 3) at ``near`` to ``far`` times their direction. ``origin`` is (3,) or (n, 3).
 
         It is fastest if sixteen rays in a row go about the same way. Distances are of single precision.
         """

@@ -1,4 +1,4 @@
-"""What rays are traced against: shapes of triangles, and the places where they stand."""
+"""The world that rays are traced against: shapes of triangles, and the places where they stand."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ class Shape:
     """Triangles in the coordinates of an object, in metres.
 
     ``vertices`` (n, 3) float32 and ``triangles`` (m, 3) uint32. ``smooth`` (m,) triangles are shaded with normals
-    between those of their vertices. ``label`` (m,) uint8 is the kind of object that a triangle belongs to. ``passing``
-    (n,) float32 is the share of light that goes through at a vertex; None where nothing does.
+    interpolated between their vertices. ``label`` (m,) uint8 is the kind of object that a triangle belongs to.
+    ``passing`` (n,) float32 is the share of light that goes through at a vertex; None if the shape is opaque.
     """
 
     vertices: np.ndarray
@@ -38,8 +38,8 @@ class Shape:
 
     @cached_property
     def normals(self) -> np.ndarray:
-        """Normals (n, 3) float64 of the vertices: of the sum of those of their triangles, as Cycles makes them where it
-        has moved vertices."""
+        """Normals (n, 3) float64 of the vertices: the sum of the normals of their triangles, normalized, as in Cycles
+        after it has moved vertices."""
         own = normalize(self.planes(np.arange(len(self.triangles)))[:, :3])
         each, count = self.triangles.ravel(), len(self.vertices)
         return normalize(np.stack([np.bincount(each, np.repeat(own[:, axis], 3), count) for axis in range(3)], axis=1))
@@ -47,8 +47,8 @@ class Shape:
 
 @dataclass(frozen=True)
 class Placed:
-    """A shape and where it stands: matrices (k, 4, 4), float64, from its coordinates to those of the world, and the
-    number (k,), int64, that labels what rays meet at each place."""
+    """A shape and its places: matrices (k, 4, 4), float64, from its coordinates to the world's, and the number (k,),
+    int64, that labels it at each place."""
 
     shape: Shape
     places: np.ndarray
@@ -117,17 +117,17 @@ class World:
 
     @property
     def triangle_count(self) -> int:
-        """Triangles in the world, those of a shape in each of its places."""
+        """Number of triangles in the world; a shape counts at each of its places."""
         return sum(len(each.shape.triangles) * len(each.places) for each in self.placed)
 
 
 @dataclass(frozen=True)
 class Hits:
-    """What each of n rays meets first.
+    """The first triangle that each of n rays meets.
 
-    ``place`` (n,) counts the places of a ``World``, -1 for a ray that meets nothing; ``triangle`` (n,) counts those of
-    the shape there. The point is (1 - u - v) A + u B + v C of the triangle's corners, with ``u`` and ``v`` (n,).
-    ``along`` (n,), float64, is how many times its direction a ray goes.
+    ``place`` (n,) is an index into the places of a ``World``, -1 for a ray that meets nothing; ``triangle`` (n,) is an
+    index into the triangles of the shape there. The point is (1 - u - v) A + u B + v C of the triangle's corners, with
+    ``u`` and ``v`` (n,). ``along`` (n,), float64, is the length of a ray in units of its direction's length.
     """
 
     along: np.ndarray

@@ -1,4 +1,4 @@
-"""The truth of a stereo pair at the centres of pixels: depth, normals, labels, and what the other eye does not see."""
+"""The truth of a stereo pair at the centres of pixels: depth, normals, labels, and points hidden from the other eye."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ _ROW_SLACK = 1e-6
 
 @dataclass(frozen=True)
 class EyeTruth:
-    """What an eye sees, arrays (rows, columns): ``depth_m`` along its axis, float32, infinite for the sky; the
+    """The truth of an eye, arrays (rows, columns): ``depth_m`` along its axis, float32, infinite for the sky; the
     ``normal`` (…, 3) float32 of the facet; ``label`` uint8 and ``number`` int64, see ``rays.shapes``; and whether the
     point is ``hidden`` from the other eye although it is in that one's frame."""
 
@@ -65,7 +65,7 @@ class EyeTruth:
 
 @dataclass(frozen=True)
 class Stage:
-    """The ground with what stands on it, and the far sky, which hides nothing; each with its tracer."""
+    """The ground with everything on it, and the far sky, which hides nothing; each with its tracer."""
 
     ground: World
     ground_tracer: Tracer
@@ -75,8 +75,8 @@ class Stage:
 
 def trace_eyes(stage: Stage, eyes: Mapping[str, Eye], baseline_m: float, near_m: float,
                far_m: float) -> dict[str, EyeTruth]:
-    """The truth of two eyes that are ``baseline_m`` apart, by their names. What is nearer than ``near_m`` or further
-    away than ``far_m`` is not seen."""
+    """The truth of two eyes that are ``baseline_m`` apart, by their names. They see nothing nearer than ``near_m``
+    or further away than ``far_m``."""
     left, right = eyes
     return {eye: _trace_eye(stage, eyes[eye], eyes[other], baseline_m, near_m, far_m)
             for eye, other in ((left, right), (right, left))}
@@ -108,7 +108,7 @@ def squares(rows: int, columns: int) -> Iterator[np.ndarray]:
 
 
 def _see(stage: Stage, origin: np.ndarray, direction: np.ndarray, near_m: float, far_m: float) -> Surface:
-    """What rays meet first: the ground, else the sky."""
+    """The first surface that rays meet: the ground, else the sky."""
     seen = find_surface(stage.ground, stage.ground_tracer.intersect(origin, direction, near_m, far_m), origin,
                         direction)
     if not stage.sky.placed:

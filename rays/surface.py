@@ -1,4 +1,4 @@
-"""What is where rays meet the world, in double precision."""
+"""Normals, labels and distances where rays meet the world, in double precision."""
 
 from __future__ import annotations
 
@@ -22,13 +22,12 @@ _GRAZING = 1e-4
 
 
 class Tracer(Protocol):
-    """Finds what rays meet."""
+    """Finds the triangles that rays meet."""
 
     name: str
 
     def intersect(self, origin: np.ndarray, direction: np.ndarray, near: float, far: float) -> Hits:
-        """What rays (n, 3) from ``origin``, (3,) or (n, 3), meet first from ``near`` to ``far`` times their direction.
-        """
+        """First hits of rays (n, 3) from ``origin``, (3,) or (n, 3), at ``near`` to ``far`` times their direction."""
 
     def is_blocked(self, origin: np.ndarray, direction: np.ndarray, near: float, far: np.ndarray) -> np.ndarray:
         """Whether (n,) rays (n, 3) meet anything from ``near`` to ``far`` (n,) times their direction."""
@@ -37,16 +36,16 @@ class Tracer(Protocol):
         """Let the shapes stand where they do in another world with the same shapes."""
 
     def close(self) -> None:
-        """Free what it holds."""
+        """Free its memory."""
 
 
 @dataclass(frozen=True)
 class Surface:
     """Where n rays meet the world.
 
-    ``along`` (n,), float64, is how many times its direction a ray goes, infinite where it meets nothing. ``normal``
-    (n, 3), float64, is that of the triangle, on the side that the ray comes from; ``label`` (n,) uint8 and ``number``
-    (n,) int64 are of the triangle and the place. All are 0 where there is nothing.
+    ``along`` (n,), float64, is the length of a ray in units of its direction's length, infinite where it meets nothing.
+    ``normal`` (n, 3), float64, is the triangle's, on the side that the ray comes from; ``label`` (n,) uint8 is the
+    triangle's and ``number`` (n,) int64 the place's. These three are 0 where a ray meets nothing.
     """
 
     along: np.ndarray
@@ -94,7 +93,7 @@ def find_shading_normals(world: World, hits: Hits, surface: Surface) -> np.ndarr
 
 
 def _interpolate(values: np.ndarray, corners: np.ndarray, hits: Hits, rays: np.ndarray) -> np.ndarray:
-    """Values (k, …) where rays meet triangles, between those of the corners (k, 3)."""
+    """Values (k, …) where rays meet triangles, interpolated between the corners (k, 3)."""
     u, v = (each[rays].reshape(-1, *[1] * (values.ndim - 1)) for each in (hits.u, hits.v))
     return np.asarray((1 - u - v) * values[corners[:, 0]] + u * values[corners[:, 1]] + v * values[corners[:, 2]])
 
@@ -112,7 +111,7 @@ def _by_shape(world: World, hits: Hits) -> Iterator[tuple[int, np.ndarray]]:
 
 def intersect_opaque(tracer: Tracer, world: World, origin: np.ndarray, direction: np.ndarray, near: float,
                      far: float) -> Hits:
-    """What rays (n, 3) meet first that lets at most half of the light pass; see ``Tracer.intersect``."""
+    """The first hits of rays (n, 3) that let at most half of the light pass; see ``Tracer.intersect``."""
     hits = tracer.intersect(origin, direction, near, far)
     if all(each.shape.passing is None for each in world.placed):
         return hits

@@ -1,7 +1,7 @@
 """Collada (.dae): the triangles that the scene of a small file shows, in metres.
 
 Format: Khronos, "COLLADA - Digital Asset Schema Release 1.4.1", 2008; 1.5 has the same elements. Blender reads Collada
-up to 4.5 only, and Blender as a module does not. What is seen are the geometries that the nodes of the scene name;
+up to 4.5 only, and Blender as a module does not. The nodes of the scene name the geometries that are visible;
 materials, images and animations are not read, and no other file is opened.
 
 Coordinates are multiplied by the stated unit, and axes stay as they are written, whatever ``up_axis`` states: RViz,
@@ -27,7 +27,7 @@ from ...support.foreign_bytes import Budget, ForeignBytes, RefusedError, parse_x
 from .kinematics import pose, turn
 
 Number = TypeVar("Number", int, float)
-#: Most nodes with what is in them, each as often as the scene shows it; most inputs of a corner.
+#: Maximum number of nodes and their parts, each as often as the scene shows it; maximum number of inputs of a corner.
 _MOST_STEPS, _MOST_INPUTS = 100_000, 100
 #: Characters that are split into words together.
 _TOGETHER = 2**18
@@ -41,8 +41,8 @@ Mesh = tuple[np.ndarray, np.ndarray]
 def parse_triangles(foreign: ForeignBytes, most: int) -> Mesh:
     """Vertices (n, 3) in metres and triangles (m, 3); a polygon of more corners becomes a fan.
 
-    Raises ValueError for what is no mesh, RefusedError for more than ``most`` triangles, or three times as many
-    vertices, and for what is not read: skins, holes in polygons, transforms that shear or look at a place.
+    Raises ValueError if the file has no mesh, RefusedError for more than ``most`` triangles, or three times as many
+    vertices, and for unsupported content: skins, holes in polygons, transforms that shear or look at a place.
     """
     # The parser would make a text of each line.
     root = parse_xml(foreign.text().replace("\n", " ").replace("\t", " "), foreign.budget)
@@ -294,7 +294,7 @@ def _number(text: str, where: str) -> float:
 
 
 def _count(item: ElementTree.Element, key: str, default: int | None = None) -> int:
-    """A count that an element states. Raises ValueError if it is none."""
+    """A count that an element states. Raises ValueError if it is not a whole number."""
     text = item.get(key, "" if default is None else str(default)).strip()
     if not (text.isascii() and text.isdecimal() and len(text) < 10):
         raise ValueError(f"the {key} of <{item.tag}> is {shorten(text)!r}")

@@ -17,8 +17,8 @@ def describe_keypoints(settings: Settings, pads_m: list[float], links: Mapping[s
     """The keypoints as ``pair.json`` has them.
 
     ``links`` are the poses (4, 4) of the links in the world, ``eyes`` the camera-to-world matrices in OpenCV axes,
-    ``matrix`` (3, 3) that of both cameras with pixel centres at halves, ``depths`` the true depths (H, W) in metres,
-    NaN for sky. A point is visible if nothing is nearer at its pixel by more than its radius.
+    ``matrix`` (3, 3) the matrix K of both cameras with pixel centres at halves, ``depths`` the true depths (H, W) in
+    metres, NaN for sky. A point is visible if nothing is nearer at its pixel by more than its radius.
     """
     found = []
     for name, link, place, radius in keypoints_of(settings, pads_m):

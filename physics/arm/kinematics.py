@@ -45,11 +45,11 @@ class Capsule:
 
 @dataclass(frozen=True)
 class Arm:
-    """Joints, where the base stands in the world, and what the arm is made of.
+    """The joints of an arm, the pose of its base, its tool's point and the capsules around its links.
 
     ``base`` (4, 4) is the pose of the base's frame in the world, ``tip`` (3,) the tool's point in the frame of the last
-    link. ``lengths_m`` are those of a parametric arm, whose inverse kinematics are known in closed form: the distance
-    of the shoulder's axis from the yaw's, upper arm, forearm, and wrist to tip; empty for another arm.
+    link. ``lengths_m`` are for a parametric arm, whose inverse kinematics are known in closed form: the distance of
+    the shoulder's axis from the yaw's, upper arm, forearm, and wrist to tip; empty for another arm.
     """
 
     joints: tuple[Joint, ...]

@@ -35,7 +35,7 @@ def arm_of(settings: Settings, site_m: float = 0.0) -> Arm:
 
 
 def joint_values(settings: Settings) -> np.ndarray:
-    """Radians, or metres of what slides, at which all joints of ``arm_of`` are, faults included."""
+    """Values of all joints of ``arm_of`` in radians, or metres of joints that slide, faults included."""
     if not is_own(settings):
         return real_rad(settings.arm)
     own = own_arm(settings)
@@ -57,7 +57,7 @@ def joint_facts(settings: Settings) -> dict[str, list[object]]:
 
 
 def solids_of(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dict[str, Solid]:
-    """The solid of each link by name, but for the cameras' head: what is still, then the arm, each in its own frame.
+    """The solid of each link by name, in its own frame: first the still links, without the cameras' head, then the arm.
 
     ``pads_m`` are the heights of the ground under the left and the right pad over the level of the lander's frame.
     """

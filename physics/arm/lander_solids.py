@@ -2,7 +2,7 @@
 
 A design of our own with the parts of published landers: a deck over a body in foil, legs with a shock absorber and two
 struts, round pads, a mast, an arm of painted tubes between metal joints, cables, a bucket with a blade. Sizes are
-settings; what is between them follows.
+settings; all other dimensions follow from them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from .solids import Solid, ball, box, join, lathe, moved, prism, rod
 METAL, BLACK, FOIL, WHITE, STEEL, TUBE = "metal", "black", "foil", "white", "steel", "tube"
 #: The parts that do not move.
 BODY, MAST, LEGS = "body", "mast", ("leg_left", "leg_right")
-#: What the cameras are in, which turns with the rig.
+#: The housing of the cameras, which turns with the rig.
 HEAD = "head"
 #: Thickness of the deck, and depth of the body under it, in metres.
 _PLATE_M, _BODY_M = 0.03, 0.3
@@ -32,8 +32,8 @@ _ABOUT_Z = pose(np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]]) @
 
 
 def still_solids(settings: Settings, pads_m: Sequence[float] = (0.0, 0.0)) -> dict[str, Solid]:
-    """What does not move, by name, in the lander's frame: the body, the mast if the cameras are over the deck, and
-    the legs. ``pads_m`` are the heights of the ground under the left and the right pad over the level of that frame."""
+    """The solids that do not move, by name, in the lander's frame: the body, the mast if the cameras are over the deck,
+    and the legs. ``pads_m`` are the heights of the ground under the left and the right pad over that frame's level."""
     lander, top = settings.lander, settings.lander.deck_height_m
     mast = _mast(settings, top)
     return {BODY: _body(settings), **({MAST: join(mast)} if mast else {}),

@@ -14,7 +14,7 @@ from ...support.foreign_bytes import RefusedError, read
 from ..mesh import obj, stl
 from . import collada
 
-#: By suffix what reads a format, how it is called, and the largest file in bytes: XML takes several times its bytes.
+#: Reader, name and largest file in bytes of a format by its suffix; XML takes several times its bytes of memory.
 _FORMATS = {".stl": (stl.parse_triangles, "an STL mesh", 200_000_000),
             ".obj": (obj.parse_triangles, "an OBJ mesh", 200_000_000),
             ".dae": (collada.parse_triangles, "a Collada mesh", 40_000_000)}

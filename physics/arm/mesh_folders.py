@@ -1,4 +1,4 @@
-"""The folders that the meshes of a URDF file may be in: its own, that of its ROS package, and a package beside.
+"""The folders that may hold the meshes of a URDF file: its own, its ROS package's, and a package beside that.
 
 A folder is a package by its ``package.xml`` (ROS REP 149). Nothing else above the URDF file is ever read.
 """
@@ -12,14 +12,14 @@ from ...errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, parse_xml, read
 
 _MANIFEST = "package.xml"
-#: How many folders above that of the URDF are looked at, and the largest package.xml in bytes.
+#: Number of folders above the URDF's folder that are searched, and the largest package.xml in bytes.
 _MOST_UP, _MOST_BYTES = 8, 1_000_000
 #: A folder, and a file that counts if it is there and in that folder.
 Place = tuple[Path, Path]
 
 
 class MeshFolders:
-    """The folders around a URDF file, with links resolved. ``package`` is that of its package, or its own folder."""
+    """The folders around a URDF file, with links resolved. ``package`` is its package's folder, or else its own."""
 
     def __init__(self, urdf: Path) -> None:
         self.own = urdf.resolve().parent
@@ -35,7 +35,7 @@ class MeshFolders:
         the URDF's own, whose folder may have been renamed."""
         named = [each for each in self._packages if package in (each.name, _name(each))]
         beside = [each.parent / package for each in self._packages]
-        # A name such as .. is none, and a link could lead anywhere.
+        # A name such as .. is not a package's, and a link could lead anywhere.
         named += [each for each in beside if each.resolve() == each and _is_package(each)]
         return [*((each, each / path) for each in named), *((self.package, each) for each in (
             self.package / path, self.package / package / path, self.own / path))]

@@ -153,7 +153,7 @@ Meshes = dict[Path, tuple[np.ndarray, np.ndarray]]
 
 
 def _solid(path: Path, link: str, shapes: tuple[Shape, ...], most: int, meshes: Meshes) -> Solid | None:
-    """What is seen of a link, of not more triangles than ``most``."""
+    """The visible solid of a link, with at most ``most`` triangles; None if nothing of it is visible."""
     if not shapes:
         return None
     made: list[Solid] = []

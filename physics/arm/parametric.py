@@ -45,7 +45,7 @@ def lengths_of(arm: ArmSettings) -> tuple[float, float, float, float]:
 def arm_of(settings: Settings, site_m: float = 0.0) -> Arm:
     """The parametric arm of complete settings; ``site_m`` is the height in metres of the ground under the left camera.
 
-    The roll's axis is that of the hand, and the tip lies on it, so a roll does not move the tip.
+    The roll's axis is the hand's, and the tip lies on it, so a roll does not move the tip.
     """
     arm = settings.arm
     offset, upper, fore, _ = lengths_of(arm)
@@ -89,7 +89,7 @@ def solve(arm: Arm, x: np.ndarray | float, y: np.ndarray | float, z: np.ndarray 
     """Both solutions (2, ..., 5) in radians, elbow up first, and their margins (2, ...), for the tip at world points.
 
     The margin is the smallest distance in radians of a joint to its limits, negative beyond them; both are NaN out of
-    reach. ``pitch`` is that of the tool above the horizontal; the roll is 0. Any shapes that broadcast.
+    reach. ``pitch`` is the tool's angle above the horizontal; the roll is 0. Any shapes that broadcast.
     """
     offset, upper, fore, hand = arm.lengths_m
     x, y, z, pitch = np.broadcast_arrays(*(np.asarray(each, np.float64) for each in (x, y, z, pitch)))

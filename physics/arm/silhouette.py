@@ -36,7 +36,7 @@ def _covers(triangle: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def _cut_off(corners: np.ndarray) -> np.ndarray:
-    """Triangles (m, 3, 3) with what is not in front of the eye cut away."""
+    """The parts of triangles (m, 3, 3) in front of the eye, as triangles."""
     ahead = corners[..., 2] > _NEAR_M
     kept = [corners[ahead.all(axis=1)]]
     for triangle, front in zip(corners[ahead.any(axis=1) & ~ahead.all(axis=1)],

@@ -1,6 +1,6 @@
-"""Simple solids as triangles, of which the lander is made.
+"""Simple solids as triangles, the parts of the lander.
 
-Faces that meet at an edge have vertices of their own, so that smooth shading of a tube does not round its ends.
+Faces that meet at a sharp edge share no vertices, so that smooth shading of a tube does not round its ends.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def join(solids: Sequence[Solid]) -> Solid:
 
 
 def lathe(material: str, profile: Sequence[tuple[float, float]], sides: int = 40) -> Solid:
-    """What a profile of (x, radius), from low to high x where it is convex, sweeps about the x axis.
+    """The solid that a profile of (x, radius), from low to high x where it is convex, sweeps about the x axis.
 
     Each step of the profile is smooth around and has sharp edges. Start and end with radius 0 to close it.
     """

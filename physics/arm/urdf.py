@@ -1,8 +1,8 @@
 """A robot's description in URDF (wiki.ros.org/urdf/XML): links with shapes, joints with limits.
 
 The file comes from a stranger: document types (with entities that grow without end) are refused before it is parsed,
-meshes are read from its own package only, or from one beside it that they name, and what it states is checked before
-it is used.
+meshes are read from its own package only, or from one beside it that they name, and its statements are checked before
+they are used.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ...files import shorten
 from ...support.foreign_bytes import ForeignBytes, parse_xml, read
 from .mesh_folders import MeshFolders
 
-#: Largest file in bytes, and most links, of which each gets a label of its own.
+#: Largest file in bytes, and maximum number of links; each gets its own label.
 MOST_BYTES, MOST_LINKS = 4_000_000, 50
 FIXED, TURNS, SLIDES = ("fixed",), ("revolute", "continuous"), ("prismatic",)
 #: Largest coordinate in metres of an origin, a limit or a size.
@@ -35,7 +35,7 @@ _XACRO = "/wiki/xacro}"
 
 @dataclass(frozen=True)
 class Shape:
-    """What is seen of a link: a mesh ``file`` with its ``scale`` (3,), or a solid with its ``size`` in metres.
+    """A visible shape of a link: a mesh ``file`` with its ``scale`` (3,), or a solid with its ``size`` in metres.
 
     ``kind`` is mesh, box (three sides), cylinder (radius and length, about z) or sphere (radius); ``origin`` (4, 4) its
     pose in the link's frame.
@@ -79,7 +79,7 @@ class Urdf:
 
 
 def read_urdf(path: Path) -> Urdf:
-    """The robot of a file. Raises IcyMoonError, with what is wrong and where, for one that cannot be used."""
+    """The robot of a file. Raises IcyMoonError, with the fault and its place, for a file that cannot be used."""
     return _Reader(path).read()
 
 

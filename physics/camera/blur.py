@@ -24,14 +24,14 @@ _MOST_TURN_DEG = 90.0
 _SPEEDS = ("speed_right_m_s", "speed_down_m_s", "speed_forward_m_s")
 _TURNS = ("turn_right_deg_s", "turn_down_deg_s", "roll_deg_s")
 
-#: The ``rig`` settings of which any that is not 0 blurs by motion.
+#: The ``rig`` settings that blur the image by motion if they are not 0.
 MOTION = (*_SPEEDS, *_TURNS)
 PINHOLE = "The images are blurred, truth is sharp: that of a pinhole{}."
 
 
 @dataclass(frozen=True)
 class Blur:
-    """What an image is blurred by. ``focus_m`` is None without depth of field, ``exposure_s`` without motion.
+    """The causes of an image's blur. ``focus_m`` is None without depth of field, ``exposure_s`` without motion.
 
     Axes are the left eye's: x right, y down, z forward. ``turn_deg_s`` is a rotation vector.
     """
@@ -43,7 +43,7 @@ class Blur:
     turn_deg_s: np.ndarray  # (3,)
 
     def to_json(self) -> dict[str, Any]:
-        """The ``blur`` table of ``pair.json``: what was rendered."""
+        """The ``blur`` table of ``pair.json``: the blur of the rendered images."""
         found: dict[str, Any] = {"truth": self.warning}
         if self.focus_m is not None:
             found |= {"focus_distance_m": self.focus_m, "f_number": self.f_number}
@@ -93,7 +93,7 @@ def _vector(rig: RigSettings, keys: tuple[str, ...]) -> np.ndarray:
 
 
 def blur_advice(settings: Settings) -> list[str]:
-    """Sentences to show before a render: what the truth belongs to, or why the blur cannot be rendered."""
+    """Sentences to show before a render: that the truth is a pinhole camera's, or why the blur cannot be rendered."""
     try:
         blur = blur_of(settings)
     except IcyMoonError as error:
@@ -102,7 +102,7 @@ def blur_advice(settings: Settings) -> list[str]:
 
 
 def blur_identity(settings: Settings) -> str:
-    """What of the camera response is in the rendered light, for the name of the pair; empty without blur."""
+    """The camera response that is in the rendered light, for the name of the pair; empty without blur."""
     blur = blur_of(settings)
     if blur is None:
         return ""
@@ -111,7 +111,7 @@ def blur_identity(settings: Settings) -> str:
 
 def developing_warnings(settings: Settings, rendered: Settings,
                         exposures_s: list[float]) -> list[str]:
-    """What does not fit together where a pair ``rendered`` with blur is developed with ``settings``: sentences."""
+    """Sentences on contradictions between the blur of a ``rendered`` pair and the ``settings`` that develop it."""
     blur = blur_of(rendered)
     if blur is None:
         return []

@@ -24,8 +24,8 @@ def merge_exposures(numbers: Sequence[np.ndarray], seconds: Sequence[float], sen
 
     Each exposure's electrons over its time, weighted by the inverse of the variance that shot noise,
     read noise and the converter's step give it. An exposure in which a pixel may be full (nearer to
-    it than five deviations of what reading adds, and half a number) does not count for it, unless it
-    is the shortest.
+    full than five deviations of the reading's noise, and half a number) does not count for the pixel,
+    unless it is the shortest.
     """
     gain = gain_dn_per_e(sensor)
     steady = float(sensor.read_noise_e) ** 2 + 1 / (12 * gain**2)
@@ -39,7 +39,7 @@ def merge_exposures(numbers: Sequence[np.ndarray], seconds: Sequence[float], sen
         parts = (w * use * e / t for w, use, e, t in zip(weights, usable, charge, seconds, strict=True))
         return np.asarray(sum(parts) / total)
 
-    # Weights of each exposure's own noisy electrons would prefer what came out low.
+    # Weights from each exposure's own noisy electrons would prefer electrons that came out low.
     rough = np.maximum(mean(list(seconds)), 0.0)
     return mean([t**2 / (rough * t + steady) for t in seconds])
 

@@ -17,9 +17,9 @@ from ..light.bands import band_shares
 from ..light.photons import optics_m2_sr, photons_by_wavelength
 from ..light.sunlight import sun_colour
 
-#: Weights of R, G and B in the grey image that matchers get; the luminance of ITU-R BT.709 is that of linear colours.
+#: Weights of R, G and B in the grey image that matchers get; the luminance of ITU-R BT.709 is for linear colours.
 GREY_WEIGHTS = {"LUMINANCE": (0.2126, 0.7152, 0.0722), "MEAN": (1 / 3, 1 / 3, 1 / 3)}
-#: Least of the light of white ground that a channel sees, over that of the channel that sees most, for a balance.
+#: Least signal of white ground in a channel, relative to the channel with the strongest, for a white balance.
 _LEAST_WHITE = 1e-6
 #: Interpolation of a missing colour, 5 x 5 weights about the pixel, by where its samples are: beside the pixel on all
 #: four sides, on its left and right, above and below, or on its diagonals.
@@ -68,19 +68,20 @@ def channel_rates(light: LightSettings, sensor: SensorSettings, pitch_m: float) 
 
 
 def white_rates(light: LightSettings, rates: np.ndarray) -> np.ndarray:
-    """Electrons per second (channels,) per W/(m² sr) of white ground in sunlight, of which ``rates`` are the bands'."""
+    """Electrons per second (channels,) per W/(m² sr) of white ground in sunlight, from ``rates`` (channels, 3) of the
+    bands."""
     return np.asarray(rates @ sun_colour(light.sun_temperature_k))
 
 
 def can_balance(white: np.ndarray) -> bool:
-    """Whether each channel sees enough of white ground, of which ``white`` (channels,) is what they see."""
+    """Whether each channel sees enough of white ground; ``white`` (channels,) are their signals of it."""
     return bool(white.min() > _LEAST_WHITE * white.max())
 
 
 def white_gains(white: np.ndarray, sensor: SensorSettings) -> np.ndarray:
     """Factors (3,) on R, G, B after demosaicing; with SUN white ground becomes grey, and none is below 1.
 
-    They are 1 if a channel sees less than a millionth of what another does: then there is nothing to balance.
+    They are 1 if a channel sees less than a millionth of another's light: then there is nothing to balance.
     """
     if sensor.white_balance == "NONE" or not can_balance(white):
         return np.ones(3)
@@ -93,7 +94,7 @@ def channel_at(pattern: str, row: int, column: int) -> int:
 
 
 def mosaic(planes: np.ndarray, pattern: str) -> np.ndarray:
-    """Of planes (3, H, W) of R, G, B that of each pixel's own filter: (H, W)."""
+    """The values (H, W) that pixels see through their own filters, from planes (3, H, W) of R, G, B."""
     result = np.empty_like(planes[0])
     for row, column in np.ndindex(2, 2):
         result[row::2, column::2] = planes[channel_at(pattern, row, column), row::2, column::2]

@@ -2,9 +2,9 @@
 
 Grains lie on a flat window ahead of the entrance pupil, of diameter A = focal length / f-number. A pixel's beam crosses
 the window in a disc of that diameter, whose centre is off the axis by the window's distance times the tangent of the
-pixel's angle. What is blocked is the share of the disc that grains cover, so a grain much smaller than the pupil is a
-faint, wide spot, and no image of it is sharp. This is geometry alone: grains are opaque discs, no light is bent, and
-the Sun on the window itself is not in it.
+pixel's angle. The blocked share of light is the share of the disc that grains cover, so a grain much smaller than the
+pupil is a faint, wide spot, and no image of it is sharp. This is geometry alone: grains are opaque discs, no light
+is bent, and sunlight on the window itself is left out.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def blocked_share(sensor: SensorSettings, rig: RigSettings, shape: tuple[int, in
                   eye: str) -> np.ndarray | None:
     """Share (H, W) from 0 to 1 of each pixel's light that deposits block, on the sensor; None without deposits.
 
-    ``seed`` is that of the data set: the same deposits are in all of its images. Raises IcyMoonError for too many
+    ``seed`` is the data set's: the same deposits are in all of its images. Raises IcyMoonError for too many
     grains.
     """
     share = float(sensor.deposit_share)
@@ -60,7 +60,7 @@ def blocked_share(sensor: SensorSettings, rig: RigSettings, shape: tuple[int, in
 
 
 def apply_deposits(light: np.ndarray, blocked: np.ndarray | None, sensor: SensorSettings) -> np.ndarray:
-    """Light (H, W) behind the window: what is not blocked, and a veil of what the grains scatter on.
+    """Light (H, W) behind the window: the light that passes, and a veil of the light that the grains scatter.
 
     Of blocked light ``sensor.deposit_scatter`` goes on, evenly from the whole image.
     """
@@ -81,7 +81,7 @@ def _sum_of_discs(places: np.ndarray, radius: float, shape: tuple[int, int]) -> 
         stamp = np.clip(radius + 0.5 - np.hypot(down[:, :, None], right[:, None, :]), 0.0, min(1.0, 2 * radius))
         stamp *= math.pi * radius**2 / stamp.sum(axis=(1, 2), keepdims=True)  # of its area, however small
         inside = (((row >= 0) & (row < shape[0]))[:, :, None] & ((column >= 0) & (column < shape[1]))[:, None, :])
-        # An opaque pixel has no finite logarithm; what is left of it is less than a converter's step.
+        # An opaque pixel has no finite logarithm, so it passes a little light, less than a converter's step.
         left = -np.log1p(-np.minimum(stamp[inside], 1.0 - 1e-9))
         where = (row[:, :, None] * shape[1] + column[:, None, :])[inside]
         total += np.bincount(where, left, len(total))

@@ -44,9 +44,9 @@ def is_in_frame(column: np.ndarray) -> np.ndarray:
 def find_hidden(disparity: np.ndarray, other: np.ndarray, eye: str) -> np.ndarray:
     """Boolean (H, W): the point that a pixel of ``eye`` sees is in the other eye's frame, and hidden there.
 
-    ``disparity`` (H, W), px, is of the eye's pixel centres. ``other`` (H, n W), px too, is of what the other eye sees
-    in n rays for each of its pixels: through its centre, and at equal steps toward the next one. Both are NaN for sky,
-    which hides nothing.
+    ``disparity`` (H, W), px, is of the eye's pixel centres. ``other`` (H, n W), px too, is of the points
+    that the other eye sees in n rays for each of its pixels: through its centre, and at equal steps toward the next
+    one. Both are NaN for sky, which hides nothing.
 
     On a plane, disparity is an affine function of the column, so it does not hide itself, however steep it is.
     """

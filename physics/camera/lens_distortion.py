@@ -69,7 +69,7 @@ def undistort(points: np.ndarray, k: tuple[float, ...]) -> np.ndarray:
 def overscan_needed(rig: RigSettings) -> float | None:
     """Share of width and height that has to be rendered beyond each border for every pixel of the sensor to be lit.
 
-    Of the borders' pixels, which see farthest. None if the lens sees what no pinhole image has.
+    It is found at the borders' pixels, which see farthest. None if the lens sees rays that no pinhole image contains.
     """
     width, height = int(rig.width_px), int(rig.height_px)
     focal = float(rig.focal_length_mm) / float(rig.sensor_width_mm) * width
@@ -81,7 +81,7 @@ def overscan_needed(rig: RigSettings) -> float | None:
     seen = undistort((border - principal) / focal, coefficients(rig)) * focal + principal
     if not np.isfinite(seen).all():
         return None
-    # Pixels are interpolated between rendered centres, so the outermost must lie at or beyond what is seen.
+    # Pixels are interpolated between rendered centres, so the outermost centres must enclose all points that are seen.
     beyond = np.maximum(0.5 - seen.min(axis=0), seen.max(axis=0) - (size - 0.5))
     return float(np.max(np.maximum(beyond - 1e-6, 0) / size))
 

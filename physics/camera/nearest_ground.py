@@ -1,7 +1,7 @@
 """The greatest disparity that described ground and its rocks can have, without building them.
 
-Heights are sampled on a fan in front of the camera, rocks are taken as the boxes around them. That is coarse, and
-what hides what is not asked: ``SPARE`` makes up for what lies between the samples.
+Heights are sampled on a fan in front of the camera, rocks are replaced by the boxes around them, and occlusion is
+ignored. ``SPARE`` makes up for ground between the samples.
 """
 
 from __future__ import annotations

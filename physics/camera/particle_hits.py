@@ -40,7 +40,7 @@ def draw_hits(sensor: SensorSettings, shape: tuple[int, int], pitch_m: float, se
     length_px = depth_um * 1e-6 * np.sqrt(1 / cos2 - 1) / pitch_m
     direction = random.random(count) * 2 * np.pi
     start = random.random((2, count)) * np.array(shape)[:, None]
-    # What a very flat track leaves outside the image need not be walked along.
+    # The part of a very flat track outside the image is skipped.
     kept = np.minimum(1.0, (shape[0] + shape[1]) / np.maximum(length_px, 1e-300))
     return _draw_tracks(start, direction, length_px * kept, electrons * kept, shape)
 

@@ -1,6 +1,6 @@
 """A camera's sensor: from the light on a pixel to the number that is read out of it.
 
-The chain is that of EMVA 1288: photo-electrons proportional to light and exposure time, dark
+The chain follows EMVA 1288: photo-electrons proportional to light and exposure time, dark
 current, their Poisson noise, a well that overflows, fixed patterns, the noise of reading, an
 analogue-digital converter with a black level. All of it happens after rendering, so a change of
 exposure or gain never needs a new render.
@@ -123,7 +123,7 @@ def electrons(light: np.ndarray, seconds: float, rate: float, sensor: SensorSett
               hits_e: np.ndarray | float = 0.0) -> np.ndarray:
     """Electrons, float64 and of the shape of ``light``, that are read from each pixel.
 
-    ``light`` is radiance in W/(m² sr) behind the lens, ``hits_e`` what particles freed. NaN and
+    ``light`` is radiance in W/(m² sr) behind the lens, ``hits_e`` electrons that particles freed. NaN and
     negative radiance (defects of a render) count as dark. Shot noise comes before the well is full,
     read noise after, so that a saturated pixel shows read noise only. The result can be slightly
     negative: the converter, not the well, has a floor.
@@ -147,7 +147,7 @@ def electrons(light: np.ndarray, seconds: float, rate: float, sensor: SensorSett
 def spread_overflow(charge: np.ndarray, full_well_e: float, share: float) -> np.ndarray:
     """Electrons (H, W) after overflow along the columns.
 
-    ``share`` of what a pixel has above ``full_well_e`` runs over, half of it up and half down, and
+    ``share`` of a pixel's electrons above ``full_well_e`` runs over, half of it up and half down, and
     fills pixels on its way until it is used up or leaves the image; the rest is drained.
     """
     excess = np.maximum(charge - full_well_e, 0.0) * (share / 2)

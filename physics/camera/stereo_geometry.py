@@ -76,7 +76,7 @@ def coarse_advice(rig: RigSettings, edge_m: float) -> list[str]:
 
 
 def depth_error_m(depth_m: float, rig: RigSettings, disparity_error_px: float) -> float:
-    """Standard deviation of depth Z² σ / (f B) where disparity has that of σ pixels."""
+    """Standard deviation of depth, Z² σ / (f B), for a standard deviation σ of disparity in pixels."""
     return depth_m**2 * disparity_error_px / (focal_px(rig) * float(rig.baseline_m))
 
 
@@ -111,7 +111,7 @@ def shared_width_px(rig: RigSettings, depth_m: float) -> float:
     centre, disparity = width / 2 + float(rig.principal_x_px), focal * float(rig.baseline_m) / depth_m
 
     def column(edge: float, angle: float) -> float:
-        """Where the rectified image has an edge of what an eye sees that is turned by an angle."""
+        """Column of the rectified image at an edge of the image of an eye that is turned by an angle."""
         seen = math.atan((edge - centre) / focal) + angle
         return centre + focal * math.tan(seen) if abs(seen) < math.pi / 2 else math.copysign(math.inf, seen)
 

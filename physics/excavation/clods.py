@@ -16,15 +16,15 @@ from .grid import Grid
 
 #: Index of the power law of the number of clods that are wider than a width: fragments of brittle bodies have 2 to 3.
 _INDEX = 2.5
-#: Width of the smallest clod in cells, and that of the largest over it at most; the most clods.
+#: Width of the smallest clod in cells, greatest ratio of the widest to the smallest clod, maximum number of clods.
 _SMALLEST_CELLS, _RANGE, _MOST = 3.0, 16.0, 20_000
-#: Area of all clods, each as a square of 0.8 times its width, over that of the heap.
+#: Area of all clods relative to the heap's; a clod counts as a square with 0.8 times its width.
 _COVER, _SQUARE = 1.6, 0.8
-#: Width of the largest over the greatest thickness of the spoil, and the share of the spoil that clods hold, at most.
+#: At most: width of the largest clod over the greatest thickness of the spoil, and share of the spoil in clods.
 _OF_THICKNESS, _MOST_SHARE = 0.5, 0.5
-#: Friction of the largest clods over that of spoil, from least to most, and that of the smallest, which interlock.
+#: Friction relative to spoil: range for the largest clods, and value for the smallest, which interlock.
 _ROLLING, _HELD = (0.35, 1.0), 1.2
-#: Steps of the slide at most. Each is a cell or less.
+#: Maximum number of steps of the slide. A step is one cell or less.
 _STEPS = 600
 #: A clod: sides, their slopes in degrees and distances over half the width, tops with their tilts and heights over the
 #: width, and the share of the height that is buried.
@@ -34,9 +34,9 @@ _TOPS, _TOP_TILT, _TOP_HIGH, _BURIED = 3, 0.45, (0.45, 0.85), 0.3
 
 def with_clods(grid: Grid, ground_m: np.ndarray, spoil_m: np.ndarray, largest_m: float, repose_deg: float,
                random: np.random.Generator) -> np.ndarray:
-    """Thickness (rows, columns) of spoil with clods of up to ``largest_m``, whose sum is that of ``spoil_m``.
+    """Thickness (rows, columns) of spoil with clods of up to ``largest_m``; its sum is the sum of ``spoil_m``.
 
-    The bare spoil is lowered everywhere by one share, which is what the clods hold.
+    The bare spoil is lowered everywhere by the same share, to make up for the clods.
     """
     total = float(spoil_m.sum())
     on = np.flatnonzero(spoil_m > 0.0)
@@ -54,7 +54,7 @@ def with_clods(grid: Grid, ground_m: np.ndarray, spoil_m: np.ndarray, largest_m:
 
 
 def _draw_widths(cell_m: float, cells: int, largest_m: float, random: np.random.Generator) -> np.ndarray:
-    """Widths (n,) in metres of the clods on so many cells of spoil, the smallest first."""
+    """Widths (n,) in metres of the clods on a number of ``cells`` of spoil, the smallest first."""
     least = max(_SMALLEST_CELLS * cell_m, largest_m / _RANGE)
     most = max(largest_m, least)
     ends = least**-_INDEX, most**-_INDEX
@@ -68,7 +68,7 @@ def _width_at(share: np.ndarray, ends: tuple[float, float]) -> np.ndarray:
 
 
 def _friction(width: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Friction (n,) of clods over that of spoil."""
+    """Friction (n,) of clods relative to spoil."""
     span = math.log(float(width[-1] / width[0])) or 1.0
     return _HELD - np.log(width / width[0]) / span * (_HELD - random.uniform(*_ROLLING, len(width)))
 
@@ -76,7 +76,7 @@ def _friction(width: np.ndarray, random: np.random.Generator) -> np.ndarray:
 def _slide(top: np.ndarray, place: np.ndarray, friction: np.ndarray) -> np.ndarray:
     """Where (n, 2) clods come to rest that slide from ``place``: rows and columns, and heights in cells.
 
-    A clod is a point with the acceleration of its slope less that of its friction. At the rim it stays.
+    A clod is a point that its slope accelerates and friction slows. At the rim of the grid it stops.
     """
     slopes = np.stack(np.gradient(top), axis=2)
     last = np.array(top.shape) - 1.0

@@ -1,7 +1,7 @@
-"""What the blade of a scoop takes away: the ground above the lowest height that the blade has had.
+"""The ground that the blade of a scoop takes away: all ground above the lowest height of the blade.
 
-A height field keeps only what is above the blade, so an undercut is no cut: what hangs over falls in with it. A cell is
-cut where the blade was over it. Blades end inside cells, so each cell is the mean of 4 x 4 places: a prism of 8 x 30 cm
+A height field cannot represent an undercut, so ground that would overhang the blade is taken away too. A cell is cut
+where the blade was over it. Blades end inside cells, so each cell is the mean of 4 x 4 places: a prism of 8 x 30 cm
 on cells of 2.5 mm is then within 0.01 % of its volume, and 2 % without (``tests/physics/excavation/test_cut.py``).
 """
 
@@ -48,7 +48,7 @@ class Pull:
         return self.x_m + along_m * east + right_m * north, self.y_m + along_m * north - right_m * east
 
     def bounds_m(self, margin_m: float = 0.0) -> tuple[float, float, float, float]:
-        """West, south, east and north end of what the blade passes over, and a margin."""
+        """West, south, east and north end of the ground that the blade passes over, with a margin."""
         half = self.width_m / 2 + margin_m
         corners = [self.point(along, right) for along in (self.along_m[0] - margin_m, self.along_m[-1] + margin_m)
                    for right in (-half, half)]
@@ -76,7 +76,7 @@ class Pull:
 
 
 def bounds_of(pulls: Sequence[Pull], margin_m: float = 0.0) -> tuple[float, float, float, float]:
-    """West, south, east and north end in metres of what all pulls pass over, and a margin."""
+    """West, south, east and north end in metres of the ground that all pulls pass over, with a margin."""
     ends = np.array([pull.bounds_m(margin_m) for pull in pulls])
     low, high = ends.min(axis=0), ends.max(axis=0)
     return float(low[0]), float(low[1]), float(high[2]), float(high[3])

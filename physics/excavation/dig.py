@@ -18,7 +18,7 @@ from .site import Site
 
 #: Wavelengths of clods in their heights, and the shares of their noise in the height.
 _CLODS = ((9.0, 1.6), (3.5, 1.4), (1.6, 0.7))
-#: Wavelength and height of what makes a heap of clods uneven, in their heights.
+#: Wavelength and height of the unevenness of a heap of clods, in heights of the clods.
 _LUMP_WAVES, _LUMP_SIZE = 14.0, 5.0
 #: Where clods have many sizes: the height by which a heap is uneven, and the radius of its crest, over their largest.
 _MANY_UNEVEN, _MANY_CREST = 0.35, 0.3
@@ -30,10 +30,10 @@ _CHIP_WAVES, _CHIP_SLOPE = 5.0, 1.5
 
 @dataclass(frozen=True)
 class State:
-    """The ground after a step, and what the step did: volumes in m³ as they lay in the ground, masses in kg.
+    """The ground after a step, and the effects of the step: volumes in m³ as they lay in the ground, masses in kg.
 
-    ``chipped_m3`` fell off standing rims, ``slid_m3`` of ground slid as its walls did not stand. ``kept_kg`` is what
-    was not heaped. ``stood`` is whether walls stood, ``rests`` whether all that was loose came to rest.
+    ``chipped_m3`` fell off standing rims, ``slid_m3`` of ground slid as its walls did not stand. ``kept_kg`` was not
+    heaped. ``stood`` is whether walls stood, ``rests`` whether all loose material came to rest.
     """
 
     layers: Layers
@@ -50,8 +50,8 @@ class State:
 class Series:
     """The states of an excavation that have been dug so far; the first is the untouched ground.
 
-    ``level_m`` is the height that depths count from where the path is that of the arm's joints. ``bare`` are the layers
-    of each state without clods, from which the next one is dug.
+    ``level_m`` is the height that depths count from if the arm's joints give the path. ``bare`` are the layers of each
+    state without clods; the next state is dug from them.
     """
 
     site: Site
@@ -69,7 +69,7 @@ class Series:
 
     @property
     def spoil_kg_m3(self) -> float:
-        """Density of spoil: that of the ground over the bulking."""
+        """Density of spoil: the density of the ground over the bulking."""
         return float(self.excavation.density_kg_m3 / self.excavation.bulking)
 
     def at(self, state: int) -> State:
@@ -151,17 +151,17 @@ class Series:
         return fit_plane(self.site.grid, self.before_m, [pull for each in self.site.pulls for pull in each])
 
     def _cut(self, layers: Layers, number: int) -> np.ndarray:
-        """What the blade takes away in a state, as a depth (rows, columns) in metres.
+        """Depth (rows, columns) in metres that the blade takes away in a state.
 
-        While walls stand, what is left of a cell that was cut in part is its uncut part, which no later bite through
-        the same place cuts. Once they have slid, nothing is known of parts of cells.
+        While walls stand, a cell that was cut in part keeps its uncut part, and no later bite through the same place
+        cuts that. Once walls have slid, parts of cells are unknown.
         """
         pulls, top = self.site.pulls[:number], layers.top
         if not self.states[-1].stood:
             return cut_heights(self.site.grid, top, self.plane, pulls[-1])
         every = [pull for each in pulls for pull in each]
         left = self.before_m - cut_heights(self.site.grid, self.before_m, self.plane, every)
-        # What no blade has come to may have spoil on it.
+        # Ground that no blade has touched may have spoil on it.
         return np.where(left < self.before_m, np.maximum(top - left, 0.0), 0.0)
 
     def _take(self, layers: Layers, cut: np.ndarray) -> tuple[float, float]:
@@ -174,7 +174,7 @@ class Series:
         return spoil + solid, spoil * self.spoil_kg_m3 + solid * self.excavation.density_kg_m3
 
     def _chips(self, layers: Layers, pulls: tuple[Pull, ...]) -> np.ndarray:
-        """What breaks off the rims of standing walls, as a depth (rows, columns) in metres."""
+        """Depth (rows, columns) in metres that breaks off the rims of standing walls."""
         most = float(self.excavation.chips_m)
         chipped = np.zeros_like(self.before_m)
         if most <= 0:
@@ -211,7 +211,7 @@ class Series:
             self.excavation.heaped_share / self.spoil_kg_m3)
 
     def mass_error(self, state: int) -> float:
-        """Mass that came or went by rounding up to a state, as a share of what was dug; 0 if nothing was."""
+        """Mass gained or lost by rounding up to a state, relative to the mass that was dug; 0 if nothing was dug."""
         area, at = self.site.grid.cell_m**2, self.at(state)
         states = self.states[1:state + 1]
         lost = float((self.before_m - at.layers.ground).sum()) * area * self.excavation.density_kg_m3
@@ -220,7 +220,7 @@ class Series:
         return abs(lost - found) / dug if dug > 0 else abs(lost - found)
 
     def facts(self, state: int) -> dict[str, Any]:
-        """What ``pair.json`` has of an excavation in a state: metres, cubic metres and kilograms."""
+        """The facts of an excavation in a state for ``pair.json``: metres, cubic metres and kilograms."""
         at, site = self.at(state), self.site
         done, area = self.states[1:state + 1], self.site.grid.cell_m**2
         change = [each.layers.top - self.before_m for each in self.states[:state + 1]]
@@ -245,7 +245,7 @@ class Series:
                 "advice": self.advice(state)}
 
     def advice(self, state: int) -> list[str]:
-        """Sentences about a state that shows only once it is dug: no cut, spoil at the rim, what does not rest."""
+        """Sentences about faults that show only once dug: no cut, spoil at the rim, ground still sliding."""
         at, said = self.at(state), []
         wanted = [float(pull.depth_m.max()) for each in self.site.pulls[:state] for pull in each]
         if max(wanted, default=0.0) > 0.0 and not any(each.taken_m3 > 0.0 for each in self.states[:state + 1]):

@@ -48,7 +48,7 @@ class Grid:
         return self.east_m[None, window[1]], self.north_m[window[0], None]
 
     def interpolate(self, values: np.ndarray, x_m: np.ndarray, y_m: np.ndarray, outside: np.ndarray) -> np.ndarray:
-        """Bilinear values at points, of ``values`` (rows, columns); those of ``outside`` beyond the grid."""
+        """Bilinear values at points, of ``values`` (rows, columns); beyond the grid the values of ``outside``."""
         u, v = (np.asarray(x_m) - self.x_m) / self.cell_m, (np.asarray(y_m) - self.y_m) / self.cell_m
         inside = (u >= 0) & (v >= 0) & (u <= self.columns - 1) & (v <= self.rows - 1)
         i, j = (np.clip(np.floor(np.where(inside, a, 0)).astype(int), 0, n - 2)

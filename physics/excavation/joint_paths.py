@@ -25,7 +25,7 @@ from .paths import MOST_PLACES, pulls_through
 
 #: Between two recorded lines the joints turn evenly, in steps of at most this many degrees (or centimetres).
 _STEP_DEG = 1.0
-#: Height in metres over the ground under which a pull counts, so that what is between its ends is not missed.
+#: A pull counts if the blade comes lower than this above the ground, in metres, as it may cut between its ends.
 _NEAR_M = 0.02
 
 
@@ -33,7 +33,7 @@ def make_joint_pulls(settings: Settings) -> tuple[list[list[Pull]], float]:
     """The pulls of each state after the first, whose depths are below the level of the ground under the left camera,
     and how far below the untouched ground the blade goes at most, in metres.
 
-    Raises IcyMoonError, with the line, for what cannot be read and for joints beyond their limits.
+    Raises IcyMoonError, with the line, for lines that cannot be read and for joints beyond their limits.
     """
     path = absolute_path(settings.excavation.file, "excavation.file")
     arm = arm_of(settings)

@@ -21,7 +21,8 @@ _TURNS_DEG = (0.0, 15.0, -15.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0)
 
 
 def share_in_reach(arm: Arm, pulls: list[Pull], east_m: float = 0.0, north_m: float = 0.0) -> float:
-    """Share of the blade's places on pulls, moved by so much, to which the arm gets with the scoop straight down.
+    """Share of the blade's places on pulls, moved by ``east_m`` and ``north_m``, that the arm reaches with the scoop
+    straight down.
 
     The ground is taken to be level at a height of 0.
     """
@@ -40,8 +41,8 @@ def _few(pull: Pull) -> tuple[np.ndarray, np.ndarray]:
 def advice(settings: Settings) -> list[str]:
     """A sentence if the lander's arm does not get to all of the trench on level ground; else none.
 
-    It states where the trench would be in reach. Nothing is known of an arm of the user's own, and a path of recorded
-    joints is in reach. Raises IcyMoonError for what cannot be dug.
+    It states where the trench would be in reach. The reach of the user's arm is unknown, and a path of recorded joints
+    is in reach. Raises IcyMoonError for an excavation that cannot be dug.
     """
     if (not is_dug(settings) or settings.excavation.path == JOINTS or settings.lander.kind == "NONE"
             or is_own(settings)):
@@ -59,7 +60,7 @@ def advice(settings: Settings) -> list[str]:
 
 
 def _fix(settings: Settings, arm: Arm, pulls: list[Pull]) -> str:
-    """What to do, with numbers where a moved trench is in reach."""
+    """The fix, with numbers if a moved trench is in reach."""
     moved = _find_move(arm, pulls)
     if moved is None:
         return "dig less deep, or lengthen arm.upper_m and arm.fore_m"

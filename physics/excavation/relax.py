@@ -1,8 +1,8 @@
 """Loose material slides until no slope is steeper than the angle of repose.
 
-Between two neighbouring cells half of what is too high goes from the higher to the lower one. In each of 16
-directions the pairs of cells are disjoint, so that they are worked on at once, in place: no mass is lost, the order
-is fixed, and nothing overshoots. (With all pairs at once, as Jacobi does, it takes 18 times as many sweeps.)
+Of two neighbouring cells the higher one gives half of its excess height to the lower one. In each of 16 directions the
+pairs of cells are disjoint, so all pairs of a direction are relaxed at once, in place: no mass is lost, the order is
+fixed, and nothing overshoots. (With all pairs at once, as Jacobi does, it takes 18 times as many sweeps.)
 """
 
 from __future__ import annotations
@@ -14,19 +14,21 @@ from typing import Any
 
 import numpy as np
 
-#: Rows and columns from a cell to its neighbours: 8 of 16 directions, the others are their opposites. Those along
-#: columns only are worked on turned over. With 8 directions slopes would be up to 5 % too steep.
+#: Rows and columns from a cell to its neighbours: 8 of 16 directions, the other 8 are their opposites. ``_TURNED`` are
+#: steps on the transposed grid. With 8 directions slopes would be up to 5 % too steep.
 _STEPS = ((1, 0), (1, 1), (1, -1), (2, 1), (2, -1))
 _TURNED = ((1, 0), (2, 1), (2, -1))
-#: Sweeps end where less than this share of a cell moves between any two cells, which is tested every so many sweeps.
+#: Sweeps end when less than this share of a cell moves between any two cells; number of sweeps between tests; maximum
+#: number of sweeps.
 _TOLERANCE, _EVERY, _MOST_SWEEPS = 0.03, 10, 400
-#: What then still slides does so over long ways, which takes sweeps by their square. So pairs this many times as far
-#: apart are swept before, at most so often. They have the same end, as no slope over a longer way is steeper than
-#: all that it is made of; and what jumps over 8 cells leaps no trench that is not crude.
+#: A slide over a long distance takes a number of sweeps proportional to its square. So if ground still slides, pairs
+#: this many times as far apart are swept first; maximum number of these sweeps, and of cycles. The result is the same,
+#: as no slope over a distance is steeper than the steepest slope within it. A stride of up to 8 cells cannot skip a
+#: trench that is wider than 8 cells.
 _STRIDES, _MOST_STRIDES, _MOST_CYCLES = (4, 2), 100, 10
-#: How often ground that slid is let grow at most; each time less of what moves is ground.
+#: Maximum number of bulking passes; each pass turns less ground into spoil.
 _BULKINGS = 4
-#: Cells round what may move.
+#: Cells around ground that may move.
 _AROUND = 12
 
 
@@ -49,7 +51,7 @@ class Layers:
 
 def relax(layers: Layers, cell_m: float, repose_deg: float, bulking: float = 1.0,
           stood_m: np.ndarray | None = None, slides: np.ndarray | None = None) -> tuple[int, bool]:
-    """Let spoil slide, in place; the number of sweeps, and whether all is at rest. Cells at the rim slide inward only.
+    """Let spoil slide, in place; cells at the rim slide inward only. Returns the number of sweeps and if all rests.
 
     With ``stood_m``, the heights of the ground before it was dug, ground slides too, where ``slides`` (rows, columns)
     is true, everywhere by default. It becomes spoil, which takes ``bulking`` times the volume. Two places of the ground
@@ -70,10 +72,10 @@ def relax(layers: Layers, cell_m: float, repose_deg: float, bulking: float = 1.0
 
 
 def _book(layers: Layers, change_m: np.ndarray, bulking: float) -> float:
-    """Enter a change of the surface that keeps its volume: what goes is spoil before ground, what comes is spoil.
+    """Apply a volume-preserving change of the surface to the layers: spoil leaves before ground, and arrives as spoil.
 
-    Ground grows as it becomes spoil, by one factor on all that comes. Returns how much higher the surface then is than
-    the change makes it, at most, in metres.
+    Ground grows as it becomes spoil: one factor raises all material that arrives. Returns the greatest height in metres
+    that this adds to the change.
     """
     gone, come = np.maximum(-change_m, 0.0), np.maximum(change_m, 0.0)
     loose = np.minimum(gone, layers.spoil)
@@ -89,7 +91,8 @@ def _book(layers: Layers, change_m: np.ndarray, bulking: float) -> float:
 
 def _settle(top: np.ndarray, spoil: np.ndarray | None, cell_m: float, repose_deg: float,
             stood_m: np.ndarray | None) -> tuple[int, bool]:
-    """Let what is too steep slide, in place; only ``spoil``, if it is given. The sweeps, and whether all rests.
+    """Let slopes that are too steep slide, in place; with ``spoil``, only spoil slides. Returns the number of sweeps
+    and whether all rests.
 
     Each move between two cells lowers the sum of squares of all heights, by no less than the tolerance allows, so the
     sweeps end.
@@ -126,7 +129,7 @@ def _sweep_often(top: np.ndarray, spoil: np.ndarray | None, cell_m: float, repos
 
 def _moving_window(top: np.ndarray, spoil: np.ndarray | None, cell_m: float, tangent: float,
                    stood_m: np.ndarray | None) -> tuple[slice, slice] | None:
-    """Rows and columns of all that is too steep and loose, and what is round it; None if nothing is."""
+    """Rows and columns of all loose cells that are too steep, with a margin; None if there are no such cells."""
     steep = np.zeros(top.shape, bool)
     for axis in (0, 1):
         drop = np.diff(top, axis=axis)
@@ -154,9 +157,10 @@ _Limit = tuple[bool, tuple[slice, slice], tuple[slice, slice], Any]
 
 
 def _limits(stood_m: np.ndarray | None, shape: tuple[int, ...], rise_m: float, stride: int) -> list[_Limit]:
-    """By how much all pairs of cells may differ in height: what the angle of repose allows, or as they stood.
+    """Greatest difference in height of all pairs of cells: by the angle of repose, or as they stood before if that is
+    more.
 
-    ``stride`` is how many times as far apart they are as neighbours.
+    The cells of a pair are ``stride`` times as far apart as neighbours.
     """
     found: list[_Limit] = []
     for turned, steps in ((False, _STEPS), (True, _TURNED)):

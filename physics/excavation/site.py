@@ -1,4 +1,4 @@
-"""Where ground is dug: the grid that holds trench and heap in every state, and what is refused or advised."""
+"""Where ground is dug: the grid that holds trench and heap in every state, refusals and advice."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Site:
 def make_site(settings: Settings) -> Site:
     """The site of complete ``settings`` that are ``is_dug``; the same for all states of an excavation.
 
-    Raises IcyMoonError for what cannot be dug.
+    Raises IcyMoonError for an excavation that cannot be dug.
     """
     excavation, gravity = settings.excavation, gravity_m_s2(settings)
     if excavation.path == JOINTS:
@@ -79,7 +79,7 @@ _OF_THE_SITE = ("path", "file", "start_x_m", "start_y_m", "heading_deg", "length
 
 
 def _file_state(file: str, setting: str) -> tuple[int, int] | None:
-    """Size and time of change of the file of a setting, which the user may edit; None if there is none to read."""
+    """Size and time of change of the file of a setting, which the user may edit; None if it cannot be read."""
     try:
         there = absolute_path(file, setting).stat()
     except OSError:
@@ -162,7 +162,7 @@ def _place_heap(excavation: ExcavationSettings, pulls: list[Pull], deepest: floa
 
 
 def find_reasons(settings: Settings) -> list[str]:
-    """Why an excavation cannot be dug, a sentence each; none if it can or there is none."""
+    """Why an excavation cannot be dug, a sentence for each reason; empty without an excavation."""
     if not is_dug(settings):
         return []
     excavation = settings.excavation
@@ -188,7 +188,7 @@ def find_reasons(settings: Settings) -> list[str]:
 
 
 def advice(settings: Settings) -> list[str]:
-    """Sentences about an excavation that is dug although something may not be what the user expects."""
+    """Sentences about an excavation that can be dug but may not be as the user expects."""
     if not is_dug(settings) or find_reasons(settings):
         return []
     excavation, site, said = settings.excavation, make_site(settings), []

@@ -1,10 +1,10 @@
 """Rocks that lose their support when the ground under them is dug away, and where they come to rest.
 
-A simplification, without dynamics: a rock tips where its middle is no longer over the convex hull of what is left of
-the ground under it. It then goes down the ground's slope under its footprint by quarters of its diameter, until that is
-gentle, the ground falls no more, or another rock is in its way, turns with the slope there, and is lowered until it
-touches the ground. Rocks meet as balls of their diameters, seen from above; a rock goes over those of less than half
-its size. The lowest go first. The same rocks and ground give the same result. Rocks are no part of what is dug.
+A simplification, without dynamics: a rock tips where its middle is no longer over the convex hull of the ground that
+is left under it. It then moves down the slope under its footprint by quarters of its diameter, until the slope is
+gentle, the ground falls no more, or another rock is in its way. There it turns with the slope and is lowered until it
+touches the ground. Rocks meet as balls of their diameters, seen from above; a rock passes over rocks of less than half
+its size. The lowest move first. The same rocks and ground give the same result. Rocks are not part of the dug ground.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ..rocks.shapes import Shape
 _LOST_M = 2.0e-3
 #: Points of a footprint: rings of 16 at these shares of the rock's diameter.
 _RINGS, _ROUND = (0.15, 0.3, 0.45), 16
-#: A rock rolls on while the ground falls by more than this, in steps of this share of its diameter, at most so often.
+#: A rock rolls on while the ground is steeper than this; its step as a share of its diameter; maximum number of steps.
 _ROLLS_DEG, _STEP, _MOST_STEPS = 20.0, 0.25, 60
 #: Share of a rock's diameter from which on another rock is in its way.
 _IN_THE_WAY = 0.5
@@ -31,9 +31,9 @@ ChangeAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def find_unsupported(rocks: Rocks, change_m: ChangeAt) -> np.ndarray:
-    """Numbers of the rocks whose middle is not over what is left of the ground under them.
+    """Numbers of the rocks whose middle is not over the ground that is left under them.
 
-    ``change_m`` is how much higher the ground is than untouched, at east and north.
+    ``change_m`` gives the height of the ground over the untouched ground, at east and north.
     """
     turn = np.linspace(0.0, 2 * np.pi, _ROUND, endpoint=False)
     share = np.repeat(_RINGS, _ROUND)

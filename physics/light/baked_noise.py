@@ -15,7 +15,7 @@ def noise_of(halves: Sequence[np.ndarray], triangles: np.ndarray) -> float:
     """Standard error within triangles (n, 3 vertices) of the mean of two halves (vertices, bands), over that mean.
 
     The halves differ by the root of two times the error of one, and their mean has that error over the root of two.
-    Light within a triangle is linear between its corners, so the mean square of a difference d there is that of
+    Light within a triangle is linear between its corners, so the mean square of a difference d there is the mean of
     ((d1 + d2 + d3)² + d1² + d2² + d3²) / 12, which is half of d² where the noise of vertices is independent. 0 without
     light.
     """
@@ -34,8 +34,8 @@ def largest_share(direct: np.ndarray, indirect: np.ndarray, positions: np.ndarra
     largest.
 
     Both lights are (vertices, bands), and the ground is ``positions`` (vertices, 3) and ``triangles`` (n, 3), which
-    count by their solid angles, and not if they face away. What hides others is left out, and so is what is nearly
-    below the eye. 0 without light.
+    count by their solid angles, and not if they face away. Occlusion is ignored, and ground nearly below the eye is
+    left out. 0 without light.
     """
     a, b, c = (positions[triangles[:, k]].astype(np.float64) for k in range(3))
     way = eye - (a + b + c) / 3

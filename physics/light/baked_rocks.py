@@ -1,11 +1,11 @@
-"""Light on rocks as a few numbers for each: what a bake at points of their surface makes of it.
+"""Light on rocks as a few numbers for each rock, fitted to light that is baked at points of its surface.
 
-Rocks are instances of a few shapes, so their vertices carry no light of their own. But a rock is convex and small
-beside what lights it. So the light on it depends mostly on the direction that its surface faces, and smoothly: nine
-terms of second order in the normal suffice for light from afar (Ramamoorthi and Hanrahan 2001, SIGGRAPH). What is near,
-such as the rock's own shadow on the ground, changes from side to side and from foot to top: three more terms are linear
-in the place on the rock. The twelve numbers are fitted to light at random points of the rock's surface, so their noise
-is less than that of the points, and the same all over a rock.
+Rocks are instances of a few shapes, so their vertices cannot carry light. But a rock is convex, and small beside the
+surfaces that light it. So the light on it depends mostly on the direction that its surface faces, and smoothly: nine
+terms of second order in the normal suffice for light from afar (Ramamoorthi and Hanrahan 2001, SIGGRAPH). The effect of
+near things, such as the rock's own shadow on the ground, changes from side to side and from foot to top: three more
+terms are linear in the place on the rock. The twelve numbers are fitted to light at random points of the rock's
+surface, so their noise is less than the points' noise, and the same all over a rock.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import numpy as np
 TERMS = 12
 #: Points of a rock, by its level of detail, finest first.
 POINTS = (64, 32, 16)
-#: What a term of first, of second order and of place costs in the fit, per point, in units of its own square: so little
-#: that only rocks with few points notice.
+#: Penalty in the fit on the square of a term, per point: for the constant, the terms of first order, and the terms of
+#: second order and of place. It is so small that it changes only rocks with few points.
 _RIDGE = np.array([1e-6] + [3e-4] * 3 + [1e-3] * 8)
 #: Width of a triangle that stands for a point, and its height over the surface, over the rock's diameter.
 _WIDTH, _HEIGHT = 1e-3, 1e-4
@@ -52,7 +52,7 @@ def draw_points(vertices: np.ndarray, triangles: np.ndarray, rocks: np.ndarray, 
     corners = vertices[triangles]
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     shares = np.cumsum(areas) / areas.sum()
-    # A point in each of so many equal parts of the surface, in the order of triangles, which neighbours follow.
+    # A point in each of ``count`` equal parts of the surface. Triangles that follow each other are neighbours.
     drawn = (np.arange(count) + random.random((len(rocks), count))) / count
     chosen = np.searchsorted(shares, drawn.ravel(), side="right").clip(max=len(triangles) - 1)
     weights = random.dirichlet((1.0, 1.0, 1.0), len(chosen))

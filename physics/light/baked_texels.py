@@ -1,11 +1,11 @@
-"""Texels that are baked for vertices: which there are on a mesh, and what light they make at the vertices.
+"""Texels that are baked for vertices: their places on a mesh, and the light at the vertices that follows from them.
 
 Cycles can bake at vertices, but that is not the light of the facets between them. A facet loses light from below its
 own plane, and a smooth normal leans most from a facet at its corners. So light at the vertices is darker where facets
 lean away from it and brighter where they lean to it. Texels are within facets, one for each corner, and Cycles moves
 each sample within its texel. A vertex gets the mean of the texels around it, each with the weight that the vertex has
-in linear interpolation there and with its part of the facet's area. The light over all facets is then that of the
-texels (the lumped projection on linear elements), and noise is less than that of single points.
+in linear interpolation there and with its part of the facet's area. The light over all facets is then the
+texels' light (the lumped projection on linear elements), and the noise is less than with single points.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ import numpy as np
 
 #: Most corners of a facet that has texels.
 MOST_CORNERS = 4
-#: Texels of a facet: a square of so many a side, of which a triangle uses three.
+#: Texels along a side of a facet's square; a triangle uses three texels of the square.
 _SIDE = 2
-#: Where corners are that get no texels: no texel is there.
+#: Place of corners without texels: no texel is there.
 _OUTSIDE = -1.0
 #: Degrees by which the square of a quadrilateral is turned, so that no texel is on its diagonals.
 _TURN_DEG = 5.0
@@ -38,7 +38,7 @@ _FILLED = 2
 class Texels:
     """The texels of a mesh in a square image of ``side`` texels.
 
-    ``places`` are those of its corners in the image, (corners, 2), from 0 to 1. For the facets of three and of four
+    ``places`` (corners, 2) of the mesh's corners in the image are from 0 to 1. For the facets of three and of four
     corners, ``vertices`` (facets, 3 or 4) are their corners and ``texels`` of the same shape the rows of the image's
     texels, in its order. ``areas`` (facets,) are in m².
     """
@@ -88,7 +88,7 @@ def gather_open(found: Texels, image: np.ndarray, covered: np.ndarray, vertices:
     """``gather`` without the texels that are ``covered`` (texels,).
 
     A vertex around which all texels are covered gets the mean of the nearest vertices that have light, since a facet
-    may show beside what covers its corner.
+    may show beside the rock that covers its corner.
     """
     seen = np.where(covered[:, None], 0.0, image)
     light = gather(found, seen, vertices)
@@ -110,7 +110,7 @@ def gather_open(found: Texels, image: np.ndarray, covered: np.ndarray, vertices:
 
 
 def gather(found: Texels, image: np.ndarray, vertices: int) -> np.ndarray:
-    """Light at so many vertices, (vertices, 3), from an image (texels, 4) whose alpha is 0 where nothing was baked."""
+    """Light (vertices, 3) at the vertices, from an image (texels, 4) whose alpha is 0 where nothing was baked."""
     total, weights = np.zeros((vertices, 3)), np.zeros(vertices)
     for at, texels, areas, shape in zip(found.vertices, found.texels, found.areas, (_LINEAR, _BILINEAR), strict=True):
         for k in range(at.shape[1]):

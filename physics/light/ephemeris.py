@@ -27,7 +27,7 @@ _OBLIQUITY = math.radians(23.43928)  # of the ecliptic, J2000
 
 @dataclass(frozen=True)
 class Positions:
-    """What is in the sky of a site; directions are unit vectors (3,): east, north, up."""
+    """Sun and planet in the sky of a site; directions are unit vectors (3,): east, north, up."""
 
     sun: np.ndarray
     sun_distance_au: float
@@ -40,7 +40,7 @@ class Positions:
     from_j2000: np.ndarray  # (3, 3) from the J2000 equatorial frame
 
 
-#: A date, of which all but the year may be left out, and how far the clock of that is ahead of UTC.
+#: A date, all but its year optional, and the lead of its clock over UTC.
 _DAY = r"\s*([0-9]{4})(?:-([0-9]{2})(?:-([0-9]{2})"
 _TIME = r"(?:[T ]([0-9]{2})(?::([0-9]{2})(?::([0-9]{2})(\.[0-9]+)?)?)?"
 _ZONE = r"(?:\s*(?:[Zz]|([+-])([01][0-9])(?::?([0-5][0-9]))?))?"
@@ -50,7 +50,7 @@ _DATE = re.compile(rf"{_DAY}{_TIME}{_ZONE})?)?)?\s*")
 def parse_date(date_utc: str) -> np.datetime64:
     """A date such as 2035-03-01T12:00:00, to the millisecond; UTC may be stated, as Z or +00:00.
 
-    Raises IcyMoonError for what is no date, for one that the calendar lacks, and for one of another zone.
+    Raises IcyMoonError if the text is no date, if the calendar lacks the date, or if it is in another zone.
     """
     shown = f"light.date_utc is {shorten(date_utc)!r}"
     match = _DATE.fullmatch(date_utc)
@@ -76,7 +76,7 @@ def date_text(date: np.datetime64) -> str:
 
 
 def _calendar_lack(year: int, month: int, day: int, hour: int, minute: int, second: float) -> str:
-    """Why there is no such day or time of day, with what to write; empty if there is."""
+    """Why there is no such day or time of day, with the fix; empty if the date exists."""
     if not 1 <= month <= 12:
         return "a year has 12 months; write a month from 01 to 12"
     first = np.datetime64(f"{year:04}-{month:02}", "M")
@@ -95,7 +95,7 @@ def _calendar_lack(year: int, month: int, day: int, hour: int, minute: int, seco
 def days_since_j2000(date_utc: str) -> float:
     """Days (TDB) since 2000-01-01 12:00 of a date such as 2035-03-01T12:00:00, which is UTC.
 
-    Raises IcyMoonError for what is no date.
+    Raises IcyMoonError if the text is no date in UTC.
     """
     date = parse_date(date_utc)
     return float((date - np.datetime64("2000-01-01T12:00", "ms")) / np.timedelta64(1, "ms")
@@ -103,7 +103,7 @@ def days_since_j2000(date_utc: str) -> float:
 
 
 def refuse_unknown_years(date_utc: str) -> None:
-    """Raise IcyMoonError for a date beyond the years that the elements are known to hold for, or for what is none."""
+    """Raise IcyMoonError for a date outside the years for which the elements hold, or for a text that is no date."""
     days = days_since_j2000(date_utc)
     if not days_since_j2000(f"{_YEARS[0]}-01-01") <= days < days_since_j2000(f"{_YEARS[1] + 1}-01-01"):
         raise IcyMoonError(f"light.date_utc is {date_utc}, but without kernels Sun and planet are known only from "
@@ -148,7 +148,7 @@ def site_frame(radii_km: tuple[float, float, float], latitude_deg: float,
 
 
 def local_axes(normal: np.ndarray, longitude: float) -> np.ndarray:
-    """Rows east, north, up (3, 3) of a surface normal; at a pole east is that of the longitude (radians)."""
+    """Rows east, north, up (3, 3) of a surface normal; at a pole east is as at the longitude (radians)."""
     up = normal / np.linalg.norm(normal)
     east = np.array([-up[1], up[0], 0.0])
     if np.linalg.norm(east) < 1e-9:

@@ -1,7 +1,7 @@
 """Which files are SPICE kernels, and which ones a meta-kernel names, before SPICE opens them.
 
-Sources: NAIF's required readings "Kernel" (text kernels and meta-kernels) and "DAF" (binary kernels). A kernel is data
-of others: a meta-kernel may name files of its own folder only, and the records of a binary one must not lead in a ring.
+Sources: NAIF's required readings "Kernel" (text kernels and meta-kernels) and "DAF" (binary kernels). Kernels are
+foreign data: a meta-kernel may name files in its folder only, and the records of a binary one must not form a ring.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ _TOKEN = re.compile(rb"\s++|'((?:[^'\r\n]|'')*+)'|([()=,]|\+=)|([^\s()=,']++)")
 def find_kernels(path: Path) -> list[Path]:
     """The kernels that a file or folder stands for, in the order in which they are loaded.
 
-    Of a folder all that are kernels, also in the folders directly in it; a meta-kernel stands for those that it names.
-    Raises IcyMoonError if there is none, if one is damaged, or if a meta-kernel names a file outside of its folder.
+    A folder stands for all kernels in it and in its direct subfolders, a meta-kernel for the kernels that it names.
+    Raises IcyMoonError without a kernel, if one is damaged, or if a meta-kernel names a file outside of its folder.
     """
     found: list[Path] = []
     for file in kernel_files(path):
@@ -44,7 +44,7 @@ def find_kernels(path: Path) -> list[Path]:
 
 
 def kernel_files(path: Path) -> list[Path]:
-    """The files that may be kernels: a file itself, or those of a folder and of the folders in it."""
+    """The files that may be kernels: a file itself, or the files of a folder and of its direct subfolders."""
     if not path.is_dir():
         return [path]
     there = sorted(path.iterdir())
@@ -56,7 +56,7 @@ def kernel_files(path: Path) -> list[Path]:
 
 
 def _look_at(path: Path) -> tuple[str, ...] | None:
-    """What ``_parse`` finds, once for each size and time of change."""
+    """The result of ``_parse``, found once for each size and time of change."""
     try:
         state = path.stat()
     except OSError as error:
@@ -138,7 +138,7 @@ def _listed(data: bytes) -> tuple[str, ...]:
 def _named_kernels(meta: Path, named: tuple[str, ...], folder: Path | None) -> list[Path]:
     """The files that a meta-kernel names, in the folder that the user stated, or else in its own.
 
-    A meta-kernel in a folder ``mk`` may also name what is beside that, as NAIF's archives have it.
+    A meta-kernel in a folder ``mk`` may also name files beside that folder, as in NAIF's archives.
     """
     inside = (folder or (meta.parent.parent if meta.parent.name == "mk" else meta.parent)).resolve()
     found = []

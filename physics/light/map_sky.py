@@ -16,8 +16,8 @@ _TURNED_DEG = 1.0
 
 
 def doubt_sky(light: LightSettings, place: Mapping[str, Any] | None) -> list[str]:
-    """Sentences if directions follow from a date, and the ``place`` on a map (``geotiff.MapPlace.to_json``) is another
-    than that of the ``light`` settings, or its up is not north."""
+    """Sentences if directions follow from a date, and the ``place`` on a map (``geotiff.MapPlace.to_json``) is not the
+    place of the ``light`` settings, or the map's up is not north."""
     if light.directions_from == "ANGLES" or place is None or place["latitude_deg"] is None:
         return []
     latitude, longitude = float(place["latitude_deg"]), float(place["longitude_deg"])

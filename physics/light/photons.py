@@ -75,7 +75,7 @@ def photons_by_wavelength(light: LightSettings, sensor: SensorSettings) -> tuple
 
 
 def pixel_pitch_m(sensor: SensorSettings, rig: RigSettings) -> float:
-    """Side of a pixel of the sensor in metres: what the sensor states, or else what the rig's width is divided into.
+    """Side of a pixel of the sensor in metres: the stated pitch, or else the rig's sensor width over its columns.
 
     The field of view hangs on the rig alone. A rig in other proportions, such as the paper's with 60 mm behind 640
     columns, sees as a real camera does, but its pixels would be 94 µm wide and gather sixty times the light.

@@ -1,13 +1,13 @@
-"""What the globe of Saturn or Jupiter looks like: bands, limb darkening, the Great Red Spot, colour.
+"""The look of the globe of Saturn or Jupiter: bands, limb darkening, the Great Red Spot, colour.
 
 A face is a pattern of reflectance over the globe. Its light is scaled so that the planet gives the site the irradiance
-that ``planetshine`` computes for an even globe: a face changes what the camera sees, and the colour of the planet's
-light, but not its amount.
+that ``planetshine`` computes for an even globe: a face changes the image of the planet and the colour of its light, but
+not the amount.
 
 The reflectance of a place is B(φ) (μ₀ μ)^k / μ (Minnaert 1941, Astrophysical Journal 93, 403), with the planetographic
 latitude φ, the cosines μ₀ and μ of the angles of incidence and emission, and an exponent k for each band. The values
 are rounded readings for the bands R, G, B, good to about 0.05. Clouds drift, and their patterns change over months: a
-face is a typical one, not that of a date.
+face is typical, not of any date.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Face:
     sine: tuple[float, ...]  # of planetographic latitudes, from south to north
     reflectance: tuple[tuple[float, float, float], ...]  # in R, G, B
     limb: tuple[float, float, float]  # Minnaert's exponents
-    tint: tuple[float, float, float]  # colour of all its light over that of sunlight; their mean is 1
+    tint: tuple[float, float, float]  # ratio of all its light to sunlight in each band; the mean is 1
     spot: Spot | None = None
     ripple_deg: float = 0.0  # by how much the edges of its bands waver in latitude
 
@@ -72,7 +72,7 @@ _ZONE, _POLE, _THIN = (0.82, 0.76, 0.62), (0.58, 0.50, 0.42), (0.70, 0.60, 0.45)
 _JUPITER = ((-90.0, _POLE), (-48.0, _ZONE), (-33.0, _THIN), (-27.0, _ZONE), (-20.0, (0.68, 0.55, 0.38)), (-7.0, _ZONE),
             (7.0, (0.66, 0.52, 0.34)), (18.0, _ZONE), (24.0, _THIN), (31.0, _ZONE), (36.0, _THIN), (40.0, _ZONE),
             (48.0, _POLE))
-_EDGE_DEG, _POLE_EDGE_DEG = 0.6, 7.0  # half the width of an edge between two bands, and of those of the polar regions
+_EDGE_DEG, _POLE_EDGE_DEG = 0.6, 7.0  # half the width of an edge between two bands, and of a polar region's edge
 
 
 def _jupiter() -> Face:
@@ -120,7 +120,7 @@ def _reflectance(face: Face, planet: Planet, normal: np.ndarray) -> np.ndarray:
 
 
 def _over_zenith(face: Face, planet: Planet, normal: np.ndarray, toward: np.ndarray) -> np.ndarray:
-    """Unscaled radiance (..., 3) over that of a place of an even globe with the Sun in its zenith; without ripples.
+    """Unscaled radiance (..., 3) relative to a place of an even globe with the Sun in its zenith; without ripples.
 
     ``normal`` and ``toward`` (..., 3) are unit vectors, the second toward the observer.
     """
@@ -130,13 +130,13 @@ def _over_zenith(face: Face, planet: Planet, normal: np.ndarray, toward: np.ndar
 
 
 def face_tint(planet: Planet) -> np.ndarray:
-    """Colour (3,) of the planet's light over that of sunlight; the mean of the bands is 1."""
+    """Ratio (3,) of the planet's light to sunlight in each band; the mean of the bands is 1."""
     return np.array(FACES[planet.face].tint if planet.face in FACES else (1.0, 1.0, 1.0))
 
 
 @lru_cache(maxsize=4)
 def face_scale(planet: Planet) -> tuple[float, float, float]:
-    """Factors on the bands of a face that make the planet's irradiance that of an even globe times the tint."""
+    """Factors on the bands of a face that give the planet the irradiance of an even globe times the tint."""
     face, seen = FACES[planet.face], VisibleCap(planet)
     nodes = cap_nodes(seen)
     facing = nodes.solid_angle * np.maximum(nodes.ray @ planet.direction, 0.0)

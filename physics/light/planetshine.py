@@ -1,6 +1,6 @@
 """The planet in a moon's sky: a sunlit ellipsoid near enough for its size to matter.
 
-The usual formula, geometric albedo times phase function times (R/d)², is that of a distant point. A
+The usual formula, geometric albedo times phase function times (R/d)², is for a distant point. A
 moon sees less of the planet's disc and its middle nearer: Saturn from Enceladus is 18 % brighter at
 full phase than by this formula and half as bright at 120°. So the planet is integrated over the
 part of it that is seen, at its true distance. Everything is in units of that distance.
@@ -101,7 +101,7 @@ def lambert_albedo(law: str, geometric_albedo: float, phase_deg: float) -> float
 
 
 def far_field_irradiance_wm2(planet: Planet) -> float:
-    """What the formula for a distant point gives on a facing surface; to compare with ``irradiance_wm2``."""
+    """Irradiance of a facing surface by the formula for a distant point; to compare with ``irradiance_wm2``."""
     return (planet.geometric_albedo * phase_function(planet.phase_law, planet.phase_deg)
             * planet.sun_irradiance_wm2 * math.sin(math.radians(planet.angular_diameter_deg / 2)) ** 2)
 
@@ -128,7 +128,7 @@ def ellipsoid(planet: Planet) -> Ellipsoid:
 class VisibleCap:
     """Points (..., 3) of the part of the planet that is seen, by polar angles about the sub-observer point.
 
-    In the stretched space what is seen is a cap of the sphere.
+    In the stretched space the part that is seen is a cap of the sphere.
     """
 
     def __init__(self, planet: Planet) -> None:
@@ -237,8 +237,8 @@ def mean_direction(planet: Planet) -> np.ndarray:
 
 
 def lit_chords(planet: Planet) -> tuple[np.ndarray, float]:
-    """What of the planet's circle to ask for light: the direction across it toward the Sun, a unit vector (3,), and the
-    share of each chord along it, from the Sun's side, that holds all that is lit.
+    """The lit part of the planet's circle: the direction across it toward the Sun, a unit vector (3,), and the share of
+    each chord along it, from the Sun's side, that holds all lit points.
 
     The circle is the equator's about the planet's centre, in coordinates that keep areas.
     """

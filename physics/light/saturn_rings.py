@@ -50,10 +50,10 @@ def phase_function(phase: np.ndarray) -> np.ndarray:
 
 
 def brightness(ring: Ring, sun: float, seen: np.ndarray, phase: np.ndarray, lit: bool) -> np.ndarray:
-    """I/F of a ring: its radiance over that of a white matt surface that faces the Sun.
+    """I/F of a ring: its radiance relative to a white matt surface that faces the Sun.
 
-    ``sun`` and ``seen`` are sines of the elevation above the ring's plane, of the Sun and of where it is seen
-    from; ``lit`` is whether both are on one side.
+    ``sun`` and ``seen`` are sines of the elevations of the Sun and the observer above the ring's plane; ``lit`` is
+    whether both are on one side.
     """
     if sun <= 0:
         return np.zeros_like(phase)

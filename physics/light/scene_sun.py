@@ -1,8 +1,7 @@
 """The Sun of a rendered scene, which everything states of it: ``pair.json``, exports, index tables and reports.
 
-Directions may come from angles, a date or kernels, and the user may have turned the lamp by hand. Only what the lamp
-was when the images were rendered is true of them, so the angles follow from its direction and are stored for readers
-only.
+Directions may come from angles, a date or kernels, and the user may have turned the lamp by hand. Only the lamp as it
+was during the render is true of the images, so the angles follow from its direction and are stored for readers only.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from .sky import azimuth_deg, elevation_deg
 
 #: Where a Sun comes from: a choice of ``light.directions_from``, or this.
 BY_HAND = "HAND"
-#: A lamp differs from what was described by more than single precision: turned by 0.0006°, or brighter by 0.001 %.
+#: A lamp differs from the described Sun by more than single precision: turned by 0.0006°, or brighter by 0.001 %.
 _SAME = 1e-5
 
 
@@ -26,7 +25,7 @@ class SceneSun:
     """A Sun, or a lamp near the ground in its place, as it lit the images.
 
     ``direction`` is the unit vector (3,) toward it, world axes. ``irradiance_wm2`` is on a surface that faces it, at
-    the origin of the site and without what the planet hides. ``distance_m`` is that of a lamp, 0 for the Sun.
+    the origin of the site, less the part that the planet hides. ``distance_m`` is the lamp's, 0 for the Sun.
     """
 
     direction: np.ndarray
@@ -61,7 +60,7 @@ class SceneSun:
 
 
 def described_by(facts: Mapping[str, Any], source: str) -> SceneSun:
-    """The Sun of ``sky.sky_facts``, as it lights a scene: less what the planet hides, and dark below the horizon."""
+    """The Sun of ``sky.sky_facts``, as it lights a scene: less the part behind the planet, and 0 below the horizon."""
     direction = np.array(facts["direction_to_world"])
     diameter, eclipse = facts["angular_diameter_deg"], facts["eclipse"]
     is_up = elevation_deg(direction) + diameter / 2 > 0
@@ -84,7 +83,7 @@ def as_it_stands(described: SceneSun, direction: np.ndarray, irradiance_wm2: flo
 
 def from_json(light: Any) -> SceneSun | None:
     """The Sun of the table ``light`` of ``pair.json``, also of old pairs, whose other numbers may be of another Sun
-    than their direction; None if there is none."""
+    than their direction; None if the table has no valid Sun."""
     try:
         sun: Mapping[str, Any] = light["sun"]
         direction = np.array(sun["direction_to_world"], np.float64)

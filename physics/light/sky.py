@@ -45,7 +45,7 @@ class Sky:
 
     @property
     def sun_is_up(self) -> bool:
-        """Whether any of the Sun's disc is above the horizon; the body itself hides what is below."""
+        """Whether any of the Sun's disc is above the horizon; the body itself hides the part below."""
         return self.sun_elevation_deg + self.sun_diameter_deg / 2 > 0
 
     @property
@@ -70,7 +70,7 @@ class Sky:
 
     @property
     def planet_over_sun(self) -> float:
-        """Light of the planet over that of the Sun, on level ground or on ground that faces them, whichever is more;
+        """Ratio of the planet's light to the Sun's, on level ground or on ground that faces them, whichever is more;
         infinite by night, 0 without a planet that is up and lit."""
         planet = irradiance_wm2(self.planet) if self.planet and self.planet_is_up else 0.0
         sun_level, planet_level = self.ground_irradiance_wm2
@@ -99,8 +99,8 @@ def azimuth_deg(direction: np.ndarray) -> float:
     return math.degrees(math.atan2(direction[0], direction[1])) % 360.0
 
 
-#: By how much the mean radius of a described body may be off that of the body whose sky a date gives. No other round
-#: moon is as near: Miranda is 6 % smaller than Enceladus, the Moon 11 % larger than Europa.
+#: Largest relative difference of the mean radii of a described body and of the body whose sky a date gives. No other
+#: round moon is as near: Miranda is 6 % smaller than Enceladus, the Moon 11 % larger than Europa.
 _RADIUS_DOUBT = 0.05
 
 
@@ -144,8 +144,8 @@ def _rings(light: LightSettings) -> tuple[Ring, ...]:
 
 
 def _stars_by_angles(light: LightSettings) -> np.ndarray:
-    """The J2000 equatorial frame over a site without a date: its pole where that of the body is, right
-    ascension 0 h on the meridian, in the south where the pole is up in the north."""
+    """The J2000 equatorial frame over a site without a date: its pole is the body's pole, right ascension 0 h is on the
+    meridian, in the south where the pole is up in the north."""
     latitude = math.radians(light.latitude_deg)
     pole = toward(0.0, light.latitude_deg)
     culminates = np.array([0.0, -math.sin(latitude), math.cos(latitude)])

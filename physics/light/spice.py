@@ -77,7 +77,7 @@ def _positions(spice: Any, body: str, parent: str, date_utc: str, latitude_deg: 
 
 
 def _refuse_other_planet(spice: Any, body: str, parent: str) -> None:
-    """Raise IcyMoonError if the planet is not that of the moon by NAIF's numbers: 502 is a moon of 599."""
+    """Raise IcyMoonError if the planet is not the moon's planet by NAIF's numbers: 502 is a moon of 599."""
     number = spice.bods2c(body)
     planet = number // 100 * 100 + 99
     if 100 < number < 1000 and number % 100 not in (0, 99) and spice.bods2c(parent) != planet:

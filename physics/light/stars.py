@@ -2,7 +2,7 @@
 
 A star's V magnitude is turned into the irradiance of sunlight with the same light in V, over all wavelengths,
 so that a camera that takes its band out of sunlight gets the right number of photons at 550 nm. Its colour,
-of which the mean over the bands R, G, B is one, is that of a black body.
+with a mean over the bands R, G, B of one, is a black body's.
 """
 
 from __future__ import annotations

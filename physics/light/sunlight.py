@@ -35,7 +35,7 @@ def sun_diameter_deg(distance_au: float) -> float:
 
 
 def sun_colour(temperature_k: float) -> np.ndarray:
-    """Light in the bands R, G, B relative to their mean (3,): that of a black body over that of the Sun's own."""
+    """Light (3,) of a black body over the light of the Sun in the bands R, G, B, relative to their mean."""
     wavelength = np.array(BANDS_M)
     ratio = planck(wavelength, temperature_k) / planck(wavelength, SUN_TEMPERATURE_K)
     return np.asarray(ratio / ratio.mean())

@@ -49,7 +49,7 @@ def breaks_walls(settings: Settings) -> bool:
 class Broken:
     """A mesh with broken walls: positions (n, 3), triangles (m, 3) int32, and the triangle that each was part of (m,).
 
-    ``spacing_m`` (n,) are spacings of vertices on the map, those of added ones by the mean of two others.
+    ``spacing_m`` (n,) are spacings of vertices on the map; an added vertex has the mean of two others.
     """
 
     positions: np.ndarray

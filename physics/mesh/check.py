@@ -1,4 +1,4 @@
-"""What is wrong with a triangle mesh, and its repair.
+"""The faults of a triangle mesh, and their repair.
 
 Reconstructed meshes come with holes, flipped and doubled faces and vertices that are not numbers.
 All functions take ``positions`` (n, 3) and ``faces`` (m, 3), vertex indices, and change nothing that they are given.
@@ -17,10 +17,10 @@ _AXES = "XYZ"
 
 @dataclass(frozen=True)
 class MeshReport:
-    """Counts of what a mesh has. ``facing_down`` is a share of the area, ``extents`` (3,) are metres.
+    """Counts of a mesh's parts and faults. ``facing_down`` is a share of the area, ``extents`` (3,) are metres.
 
     ``boundary_loops`` are the rims of holes; an open sheet has one, its outer rim.
-    ``inconsistent_edges`` lie between faces of which one is turned inside out. ``up`` is the axis that
+    ``inconsistent_edges`` lie between two faces, one of them turned inside out. ``up`` is the axis that
     most of the area faces.
     """
 
@@ -41,7 +41,7 @@ class MeshReport:
     up: str
 
     def lines(self) -> list[str]:
-        """The report as lines of text, without what is in order."""
+        """The report as lines of text, without counts of 0."""
         size = " x ".join(f"{e:.4g}" for e in self.extents_m)
         rim = f" beside the outer rim ({count_of(self.boundary_edges, 'open edge')})"
         counted = ((self.non_finite_vertices, ("vertex", "vertices"), " without finite coordinates"),
@@ -99,7 +99,7 @@ def _count_groups(label: np.ndarray) -> int:
 
 @dataclass(frozen=True)
 class _Edges:
-    """Half-edges sorted so that those of one edge follow each other. ``face`` and ``forward`` (k,)
+    """Half-edges, sorted by their edges. ``face`` and ``forward`` (k,)
     belong to the half-edge; ``first`` (e,) is where an edge starts and ``count`` (e,) its faces;
     ``ends`` (e, 2) are its vertices, the smaller first."""
 
@@ -127,7 +127,7 @@ def _neighbours(edges: _Edges) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def examine(positions: np.ndarray, faces: np.ndarray) -> MeshReport:
-    """Examine a mesh. What is not finite is counted and left out of everything else."""
+    """Examine a mesh. Vertices that are not finite are counted and left out of everything else."""
     finite = np.isfinite(positions).all(axis=1)
     good = faces[finite[faces].all(axis=1)]
     normals = face_normals(positions, good)
@@ -165,7 +165,7 @@ def _degenerate(positions: np.ndarray, faces: np.ndarray, twice_area: np.ndarray
 
 def repair(positions: np.ndarray, faces: np.ndarray,
            uv: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """The mesh without what cannot be rendered, and with its upper side up.
+    """The mesh without parts that cannot be rendered, and with its upper side up.
 
     Drops faces with a vertex that is not a number, without area, or there twice; merges vertices of
     equal coordinates; turns the faces of each part alike, an open part up and a closed one outward.
@@ -195,7 +195,7 @@ def repair(positions: np.ndarray, faces: np.ndarray,
 def orient_faces(positions: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """The faces, turned alike within each part: an open part up, a closed one outward.
 
-    Every face is a node twice, as it is and turned; links connect what fits together, so that one
+    Every face is a node twice, as it is and turned; links connect states that fit together, so that one
     component holds a part's consistent choice. A part that has both states of a face in one
     component cannot be turned alike (a Möbius strip) and is left as it is.
     """

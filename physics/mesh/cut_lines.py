@@ -64,7 +64,7 @@ def cut_along(places: np.ndarray, faces: np.ndarray, step_m: np.ndarray, line: L
 
 def _cut_fine(places: np.ndarray, faces: np.ndarray, step_m: np.ndarray, line: Line, apart_m: float,
               fixed: np.ndarray) -> Cut:
-    """The same for triangles of which two corners at least are fine enough."""
+    """Cut triangles with at least two corners that are fine enough; see ``cut_along``."""
     places, widest_m = np.array(places, np.float64), _WIDEST * apart_m
     value = line(places[:, 0], places[:, 1])
     value[step_m >= _FINE * apart_m] = np.nan  # no edge to such a corner is cut, in either of its triangles

@@ -1,9 +1,9 @@
-"""What the cameras see of the ground as a finer mesh: for fine relief, and for the ground's own short waves.
+"""A finer mesh of the ground that the cameras see: for fine relief, and for the ground's own short waves.
 
 Fine relief is noise of four octaves. With ``surface.relief`` REAL, wavelengths that the vertices carry are moved
-vertices, and shorter ones are bump. What the cameras see of a graded mesh is as fine as the image wherever the relief
-is higher, in pixels, than half the largest error of the mesh: its triangles there are cut into smaller ones. A uniform
-grid, which is not made finer, carries what it can. Ground from a file keeps its vertices, and its relief is bump.
+vertices, and shorter ones are bump. The visible part of a graded mesh is as fine as the image wherever the relief is
+higher, in pixels, than half the largest error of the mesh: its triangles there are cut into smaller ones. A uniform
+grid is not made finer and carries what its vertices can. Ground from a file keeps its vertices, and its relief is bump.
 
 With ``mesh.seen`` FINE, all that the cameras see is cut, to the horizon, and carries the ground's own waves down to the
 smaller triangles.
@@ -37,10 +37,9 @@ _SPACING = 1.25
 _MOST_CARRIED = 0.95
 #: A wave is moved vertices if the spacing is at most this share of its wavelength, bump if it is the whole wavelength.
 CARRIED = 1.0 / 1.5
-#: Parts into which sides of triangles are cut for it, the fewer where the vertices would be too many.
+#: Parts into which sides of triangles are cut for fine relief; fewer if the vertices would be too many.
 PARTS = 3
-#: Settings of the surface on which a mesh with fine relief depends, and those of the rig besides those of any graded
-#: mesh.
+#: Settings of the surface and of the rig on which a mesh with fine relief depends, beside ``grading.OF_THE_RIG``.
 OF_THE_SURFACE = ("relief", "grain_size_m", "grain_amplitude_m")
 OF_THE_RIG = ("pitch_deg", "heading_deg", "principal_x_px", "principal_y_px", "overscan", "toe_in_deg")
 
@@ -91,8 +90,8 @@ def nearest_m(rig: RigSettings) -> float:
 @dataclass(frozen=True)
 class FineRelief:
     """Distance from the nearer eye in metres up to which fine relief is geometry, the parts into which sides of
-    triangles are cut there, and the spacing of the vertices then in pixels. If it is ``everywhere``, triangles beyond
-    that distance are cut too, and what is cut carries shorter waves of the ground."""
+    triangles are cut there, and the spacing of the vertices after the cut in pixels. If it is ``everywhere``, triangles
+    beyond that distance are cut too, and all cut triangles carry shorter waves of the ground."""
 
     to_m: float
     parts: int
@@ -110,7 +109,7 @@ class FineRelief:
 
 
 def relief_in_mesh(settings: Settings, pixels_per_radian: float) -> FineRelief | None:
-    """What the graded mesh of complete ``settings`` is to have of fine relief; None for nothing."""
+    """The fine relief in the graded mesh of complete ``settings``; None if the mesh has none."""
     if settings.mesh.kind != "GRADED" or settings.source.kind != "PROCEDURAL":
         return None
     error_px, everywhere = float(settings.mesh.error_px), settings.mesh.seen == "FINE"

@@ -30,8 +30,8 @@ _UNMOVED_M = 1.0e9
 class GradedMesh:
     """Positions (n, 3), triangles (m, 3) and sharp edges (k, 2) of a mesh, see ``Graded.mesh``.
 
-    If what is seen is finer, ``spacing_m`` (n,) are the spacings of vertices that fine relief may move, infinite for
-    others, and ``fine`` (m,) is whether a triangle is part of a cut one.
+    If the visible part is finer, ``spacing_m`` (n,) are the spacings of vertices that fine relief may move, infinite
+    for other vertices, and ``fine`` (m,) is whether a triangle is part of a cut one.
     """
 
     positions: np.ndarray
@@ -45,8 +45,8 @@ class GradedMesh:
 class Graded:
     """Ground on a sphere that touches the map at the site, and the grading of its mesh.
 
-    ``rig`` settings are those of the cameras that see what is cut finer; None without. If it ``breaks_walls``, the
-    mesh has at most ``most`` vertices.
+    ``rig`` are the settings of the cameras that see the finer part; None without a finer part. If it ``breaks_walls``,
+    the mesh has at most ``most`` vertices.
     """
 
     ground: Terrain
@@ -86,7 +86,7 @@ class Graded:
         return made.positions, made.faces, made.sharp
 
     def mesh_with_relief(self) -> GradedMesh:
-        """``mesh``, and what of it is finer because the cameras see it."""
+        """``mesh`` with its finer part that the cameras see."""
         rings = self.grading.rings
         x, y = rings.map_positions()
         step = rings.of_vertices(self.grading.spacing_at(rings.radius_m), self.grading.finest_m)

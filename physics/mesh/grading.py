@@ -29,7 +29,7 @@ from .vertex_rings import RINGS_APART, Rings
 
 #: Triangles measured per distance, and the sectors they are sorted into.
 _SAMPLES, _SECTORS = 1800, 6
-#: Sizes tried at most, each half the one before, from the longest edge down to what no memory holds.
+#: Maximum number of sizes that are tried, each half the one before, from the longest edge to more than memory holds.
 _HALVINGS = 24
 #: Share of the measured triangles that keep to the error. Of an image it is 0.95: one image shows few hills, and
 #: their crests, which face the eye and hide the ground behind them, err more than the ground does on the whole.
@@ -38,9 +38,9 @@ _SHARE = 0.97
 _COARSER = 1.05
 #: Shortest wavelength on the mesh, in spacings. Leaving out all that two spacings cannot carry, as a uniform grid
 #: does, would double the error: straight lines between points of the ground are nearer to it than between
-#: points of a smoothed ground. What is much shorter only makes the points noisy.
+#: points of a smoothed ground. Much shorter waves only make the points noisy.
 CARRIED = 0.7
-#: How much relief may exceed what a sample of the ground showed.
+#: Greatest ratio of the relief to the relief of a sample of the ground.
 _HIGHER = 1.25
 #: Ground is not looked at from closer than this share of the camera's height, however it rises to it.
 _CLOSEST = 0.25
@@ -52,7 +52,7 @@ EDGE_OVER_SPACING = 1.4
 
 @dataclass(frozen=True)
 class View:
-    """What the cameras ask of the ground: the site, the left eye's height above it (metres), the distance
+    """The view that decides the grading: the site and the left eye's height above it in metres, the distance
     to the other eye, and the pixels per radian."""
 
     x_m: float
@@ -66,7 +66,7 @@ class View:
         return np.hypot(np.maximum(np.asarray(radius_m, np.float64) - self.baseline_m, 0.0), self.height_m)
 
 
-#: What of ``rig`` settings a grading is made from.
+#: The ``rig`` settings that a grading depends on.
 OF_THE_RIG = ("x_m", "y_m", "height_m", "baseline_m", "focal_length_mm", "sensor_width_mm", "width_px", "height_px")
 
 
@@ -86,9 +86,9 @@ def view_of(rig: RigSettings) -> View:
 @dataclass(frozen=True)
 class Grading:
     """The spacing that was found. ``nearest_m`` (n,) are distances to the eye, rising, and ``spacing_m`` (n,) the
-    vertex spacings there; between them the spacing is a power of the distance. ``error_px`` is the error
-    that it keeps to, ``wanted_vertices`` what the bound asked for. ``relief`` is what is cut for fine
-    relief; the spacing is that before the cut."""
+    vertex spacings there; between them the spacing is a power of the distance. ``error_px`` is the bound on
+    the error that it keeps, ``wanted_vertices`` the number of vertices for the bound that the settings ask for.
+    ``relief`` is the cut for fine relief; the spacing is before the cut."""
 
     view: View
     nearest_m: np.ndarray
@@ -212,7 +212,7 @@ class _Probe:
 
 
 def _typical_error(errors: np.ndarray, weights: np.ndarray) -> float:
-    """What weighted errors keep to: nearly all of them, and their RMS, which few but large ones raise."""
+    """A bound on weighted errors: nearly all are below it, and so is their RMS, which a few large ones raise."""
     order = np.argsort(errors)
     below = np.cumsum(weights[order]) / weights.sum()
     return max(float(np.interp(_SHARE, below, errors[order])), math.sqrt(float(np.average(errors**2, weights=weights))))
@@ -244,8 +244,8 @@ def _count_vertices(grading: Grading) -> float:
 def grade(ground: Terrain, settings: Settings) -> Grading:
     """The grading that complete ``settings`` ask for on a ground (not yet curved).
 
-    Where it would take more than ``mesh.most`` vertices, first those of fine relief are wider apart, then all, and
-    ``error_px`` is the error that remains.
+    Where it would take more than ``mesh.most`` vertices, first vertices of fine relief are set wider apart, then all
+    vertices; ``error_px`` is the error that remains.
     """
     mesh, at, body = settings.mesh, view_of(settings.rig), float(settings.terrain.body_radius_m)
     ground_m = float(ground.heights(at.x_m, at.y_m))
@@ -272,7 +272,7 @@ def grade(ground: Terrain, settings: Settings) -> Grading:
     grading = made(error)
     wanted = _count_vertices(grading) + _count_cut(grading, settings.rig, mesh.most)
     if wanted <= mesh.most and grading.rings.vertices <= mesh.most:
-        return made(error)  # with what it wants
+        return made(error)  # with the final ``wanted``
     while relief is not None and grading.rings.vertices + _count_cut(grading, settings.rig, mesh.most) > mesh.most:
         coarser = relief.spacing_px * relief.parts / (relief.parts - 1) if relief.parts > 1 else math.inf
         relief = replace(relief, parts=relief.parts - 1, spacing_px=coarser) if relief.parts > 2 else None

@@ -37,7 +37,7 @@ class HeightMap:
 
     @property
     def bounds_m(self) -> tuple[float, float, float, float]:
-        """West, east, south and north edge of the ground; west > east or south > north if there is none."""
+        """West, east, south and north edge of the ground; west > east or south > north if there is no ground."""
         rows, columns = self.heights_m.shape
         half = self.size_m / 2
         return (max(self.west_m, -half), min(self.west_m + (columns - 1) * self.pixel_m[0], half),
@@ -133,8 +133,8 @@ def _double(coarse: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def clear_mark(values: np.ndarray, mark: float, number: np.dtype[Any]) -> int:
-    """Make NaN in place what is ``mark``, and count it. ``number`` is the type of the file's values, and a mark may be
-    stated with fewer digits than they have."""
+    """Set values equal to ``mark`` to NaN, in place; returns their number. ``number`` is the type of the file's values;
+    a mark may be stated with fewer digits than the values have."""
     with np.errstate(over="ignore", invalid="ignore"):
         slack = 2 * float(np.spacing(number.type(abs(mark)))) if number.kind == "f" else 0.0
         found = np.abs(values - mark) <= slack

@@ -24,7 +24,7 @@ class Surface(Protocol):
 
 
 def fine_part(roughness: Surface, x_m: np.ndarray, y_m: np.ndarray, longest_m: float, shortest_m: float) -> np.ndarray:
-    """What wavelengths of ``shortest_m`` to ``longest_m`` alone add to the heights of a made-up ground."""
+    """The part of the heights of a made-up ground that wavelengths from ``shortest_m`` to ``longest_m`` add."""
     if shortest_m >= longest_m:
         return np.zeros(np.broadcast_shapes(np.shape(x_m), np.shape(y_m)))
     return roughness.heights(x_m, y_m, shortest_m) - roughness.heights(x_m, y_m, longest_m)

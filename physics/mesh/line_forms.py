@@ -1,8 +1,8 @@
-"""The forms of the lines of a text of many numbers: what is left where each run of digits becomes a single 0.
+"""The forms of the lines of a text of many numbers. A form is a line with each run of digits replaced by one 0.
 
 Whether the words of a line are numbers does not depend on which digits they have, nor on how many. A large mesh has few
-forms of lines, so that these are looked at instead of millions of lines. A text that is unusual in any way is left to
-who reads line by line, and finds the line that is at fault.
+forms of lines, so the forms are checked instead of millions of lines. A text that is unusual in any way is left to the
+check line by line, which finds the line at fault.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def whole_lines(foreign: ForeignBytes, start: int = 0) -> Iterator[bytes]:
 
 
 class Rows:
-    """The lines of a text from byte ``start`` on, of which so many are taken as a table has rows."""
+    """The lines of a text from byte ``start`` on, to be taken by the number of rows of each table."""
 
     def __init__(self, foreign: ForeignBytes, start: int) -> None:
         self._parts, self._rest = whole_lines(foreign, start), b""

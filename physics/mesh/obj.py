@@ -1,4 +1,4 @@
-"""Wavefront OBJ: the vertices and triangles of a small file, and whether a large one is what it should be.
+"""Wavefront OBJ: the vertices and triangles of a small file, and whether a large one is sound.
 
 Format: the appendix "Object Files (.obj)" of Wavefront's Advanced Visualizer. Nothing that a file names is opened.
 """
@@ -22,8 +22,8 @@ _MOST_LIBRARIES = 100
 def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3), as they stand in the file, and triangles (m, 3); a face of more corners becomes a fan.
 
-    Raises ValueError, with the line, for what is no mesh, RefusedError for more than ``most`` triangles, or three times
-    as many vertices, as soon as they are there.
+    Raises ValueError, with the line, if the file is malformed, RefusedError for more than ``most`` triangles, or three
+    times as many vertices, as soon as they are read.
     """
     numbers, corners = array("d"), array("q")
     most_vertices = 3 * most
@@ -65,10 +65,10 @@ def parse_vertex(words: list[bytes], number: int) -> tuple[float, float, float]:
 
 
 def check_statements(foreign: ForeignBytes) -> list[bytes]:
-    """Compare a file of any size with what Blender's importer takes: it makes zeros of coordinates that are no numbers
-    and leaves out faces. Gives the names of its material libraries.
+    """Check that Blender's importer can read a file of any size right: it reads malformed coordinates as zeros and
+    leaves out faces. Returns the names of the file's material libraries.
 
-    Raises ValueError, with the line, for what is no mesh.
+    Raises ValueError, with the line, if the file is malformed.
     """
     libraries = list[bytes]()
     try:

@@ -58,8 +58,8 @@ def _close_seams(positions: np.ndarray, faces: np.ndarray, meets: np.ndarray) ->
 
 def _find_seams(positions: np.ndarray, faces: np.ndarray,
                 meets: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Edges (k, 2) near the triangles that go, the triangle of each (k,), and the numbers (n, 2) of those of which the
-    second lies along the first, which belongs to a larger triangle."""
+    """Edges (k, 2) near the triangles to remove, the triangle of each edge (k,), and pairs (n, 2) of numbers of edges:
+    the first belongs to a larger triangle, and the second lies along it."""
     used = np.zeros(len(positions), bool)
     used[faces[meets]] = True
     around = np.zeros(len(positions), bool)

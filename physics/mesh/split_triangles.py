@@ -9,10 +9,10 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Split:
-    """A mesh after the cut. Its first vertices are those of the mesh before.
+    """A mesh after the cut. Its first vertices are the vertices from before the cut.
 
     Each added vertex is the mean of three earlier ones, ``parents`` (a, 3), with ``weights`` (a, 3). ``faces`` (m, 3)
-    int32 are the triangles, those that were not cut first; ``cut`` (m,) is whether a triangle is part of a cut one.
+    int32 are the triangles, first the uncut ones; ``cut`` (m,) is whether a triangle is part of a cut one.
     ``bordering`` (n,) is whether a vertex touches, or lies on an edge of, a triangle that was not cut.
     """
 
@@ -23,14 +23,14 @@ class Split:
     bordering: np.ndarray
 
     def spread(self, values: np.ndarray) -> np.ndarray:
-        """Values (n, …) of all vertices from those of the vertices before the cut."""
+        """Values (n, …) of all vertices from the ``values`` of the vertices before the cut."""
         of_parents = np.asarray(values)[self.parents]
         weights = self.weights.reshape(self.weights.shape + (1,) * (of_parents.ndim - 2))
         return np.concatenate([values, (of_parents * weights).sum(axis=1)])
 
 
 def split_triangles(faces: np.ndarray, which: np.ndarray, vertices: int, parts: int) -> Split:
-    """Cut each side of the triangles (k, 3) in a mask (k,) of a mesh of so many ``vertices`` into equal ``parts``.
+    """Cut each side of the triangles (k, 3) in a mask (k,) into equal ``parts``; the mesh has ``vertices`` vertices.
 
     Both triangles at an edge get the same vertices on it. Vertices on the border of the mask are on straight edges of
     triangles that stay whole, so they must be left there.

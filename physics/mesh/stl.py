@@ -1,4 +1,4 @@
-"""STL, binary and ASCII: the triangles of a small file, and whether a large one is what it should be.
+"""STL, binary and ASCII: the triangles of a small file, and whether a large one is sound.
 
 Format: 3D Systems, StereoLithography Interface Specification, 1989.
 """
@@ -29,7 +29,7 @@ def count_triangles(foreign: ForeignBytes) -> int | None:
 def parse_triangles(foreign: ForeignBytes, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Corners (3 n, 3) float64 and triangles (n, 3).
 
-    Raises ValueError for what is no mesh, RefusedError for more than ``most`` triangles as soon as they are there.
+    Raises ValueError if the file is malformed, RefusedError for more than ``most`` triangles as soon as they are read.
     """
     count = count_triangles(foreign)
     if count is None:
@@ -64,9 +64,9 @@ def _read_text(foreign: ForeignBytes, most: int) -> np.ndarray:
 
 
 def check_statements(foreign: ForeignBytes) -> None:
-    """Compare a file of any size with what Blender's importer takes, which makes zeros of what is no number.
+    """Check that Blender's importer can read a file of any size right: it reads malformed numbers as zeros.
 
-    Raises ValueError, with the line, for what is no mesh.
+    Raises ValueError, with the line, if the file is malformed.
     """
     if count_triangles(foreign) is not None:
         return

@@ -8,7 +8,7 @@ from .check import face_normals
 
 
 def edge_length_m(positions: np.ndarray, faces: np.ndarray) -> float:
-    """Median length in metres of the triangles' edges, which is what the mesh resolves."""
+    """Median length in metres of the triangles' edges: the resolution of the mesh."""
     return float(np.median(np.linalg.norm(positions[faces] - positions[faces[:, [1, 2, 0]]], axis=2)))
 
 

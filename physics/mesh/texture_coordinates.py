@@ -23,7 +23,7 @@ def halve_coordinates(uv: np.ndarray) -> np.ndarray:
 
 
 def repair_coordinates(uv: np.ndarray) -> tuple[np.ndarray | None, list[str]]:
-    """The coordinates with 0 in place of what is no number, None if they show nothing, and sentences about them."""
+    """The coordinates with 0 in place of NaN and infinity, None if they cover no area, and sentences about them."""
     known = np.isfinite(uv).all(axis=2)
     kept = np.where(known[..., None], uv, np.float32(0.0))
     edges = (kept[:, 1:] - kept[:, :1]).astype(np.float64)
@@ -54,7 +54,7 @@ def sample_surface(positions: np.ndarray, faces: np.ndarray, uv: np.ndarray) -> 
     if len(faces) > _POINTS:  # some triangles by their area, evenly spread
         face = np.unique((rank * _LINE % 1.0 * len(faces)).astype(np.int64))
         weight = _areas(positions, faces[face])
-    else:  # so many points in each that all stand for about the same area
+    else:  # more points on larger triangles, so that all stand for about the same area
         share = np.cumsum(_areas(positions, faces))
         face = np.searchsorted(share, (rank + 0.5) / _POINTS * share[-1]).clip(max=len(faces) - 1)
         weight = np.ones(_POINTS)

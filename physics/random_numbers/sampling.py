@@ -44,9 +44,9 @@ def _directions(dimension: int) -> np.ndarray:
 def sobol(count: int, randoms: Sequence[np.random.Generator]) -> np.ndarray:
     """The first ``count`` points (count, d) of Sobol's sequence in (0, 1), each of d axes shifted by its random.
 
-    The order is that of Antonov and Saleev (1979). A digital shift (exclusive or with a random number) leaves the
-    sequence what it is: of the first 2^m points one lies in each of 2^m equal parts of every axis. Raises
-    ValueError for more than ``MOST_DIMENSIONS`` axes.
+    The order is by Antonov and Saleev (1979). A digital shift (exclusive or with a random number) keeps the property
+    of the sequence: of the first 2^m points one lies in each of 2^m equal parts of every axis. Raises ValueError
+    for more than ``MOST_DIMENSIONS`` axes.
     """
     if len(randoms) > MOST_DIMENSIONS:
         raise ValueError(f"{len(randoms)} axes, Sobol's sequence has {MOST_DIMENSIONS} here")

@@ -1,1 +1,1 @@
-"""Geometry of the rig alone, without ground: what rocks and meshes need of it, too."""
+"""Geometry of the rig alone, without ground, also for rocks and meshes."""

@@ -9,7 +9,7 @@ import numpy as np
 from ...settings.topics.camera import RigSettings
 from .focal_length import focal_px
 
-#: Share of the image by which what the cameras see is taken larger: tilted ground, eyes that turn or move.
+#: Margin around the view of the cameras as a share of the image, for tilted ground and for eyes that turn or move.
 _MARGIN = 0.05
 
 

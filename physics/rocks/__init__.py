@@ -1,1 +1,1 @@
-"""Rocks: how many of which size, their shapes, where they lie."""
+"""Rocks: their numbers by size, their shapes and their places."""

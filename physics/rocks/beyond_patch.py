@@ -94,7 +94,7 @@ def _count(law: SizeLaw, size_m: float, view: View, angle: float) -> tuple[np.nd
 
 
 def _gather(rocks: RocksSettings, xy: np.ndarray, per_m2: float, random: np.random.Generator) -> np.ndarray:
-    """Places with the share ``clustering`` of them drawn to clusters, of which each square of the map has one."""
+    """Places with the share ``clustering`` of them drawn to clusters; each square of the map has one cluster."""
     member = random.random(len(xy)) < rocks.clustering
     away = random.normal(0.0, rocks.cluster_radius_m, xy.shape)
     if not member.any():

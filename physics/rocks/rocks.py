@@ -1,6 +1,6 @@
 """Where rocks lie and how: sizes, places, poses, and resting on the ground.
 
-Each of the three is drawn from a random stream of its own, so that changing how rocks are buried
+Sizes, places and poses are drawn from separate random streams, so that changing how rocks are buried
 moves none of them. Nothing here knows Blender: the ground is a function of position.
 """
 
@@ -20,7 +20,7 @@ from .shapes import Shape
 from .size_laws import draw_diameters, size_law
 from .table import TABLE, read_table
 
-#: Height of the ground in metres at arrays of east and north coordinates; NaN where there is none.
+#: Height of the ground in metres at arrays of east and north coordinates; NaN where there is no ground.
 HeightAt = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 #: Rocks with a lower rank in size than this have the finest level of their shape, and so on.
@@ -140,8 +140,8 @@ def scatter(rocks: RocksSettings, size_m: float, seed: int, surface: HeightAt,
     ``shapes[level][shape]`` are what to choose from; ``clear_m`` is a circle (east, north, radius)
     that no rock may reach into. A rock lies along the slope under it, and its deepest vertex is at
     or under the deepest ground of its footprint and at or under the ground beneath it: none floats.
-    With a view ``beyond``, rocks also lie outside the patch, and follow those on it. With the law TABLE, places and
-    diameters are those of the file ``rocks.file``, whose path is absolute, and there are none outside.
+    With a view ``beyond``, rocks also lie outside the patch, and follow the rocks on it. With the law TABLE, places and
+    diameters come from the file ``rocks.file``, whose path is absolute, and no rocks lie outside.
     Raises IcyMoonError if the settings contradict each other.
     """
     xy, diameter, smallest = _read_places(rocks) if rocks.law == TABLE else _draw_places(rocks, size_m, seed)

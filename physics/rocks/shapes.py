@@ -28,11 +28,11 @@ MIXED = FAMILIES[:3]
 PER_FAMILY = 6
 #: Subdivisions of the sphere that a shape is sampled on, finest first: 5120, 1280 and 320 triangles.
 LEVELS = (4, 3, 2)
-#: Those of broken ice, whose faces have relief: 20480, 5120 and 1280 triangles.
+#: Subdivisions for broken ice, whose faces have relief: 20480, 5120 and 1280 triangles.
 ICE_LEVELS = (5, 4, 3)
-#: Height of a slab over that of the other rocks of its width.
+#: Ratio of the height of a slab to the height of other rocks of its width.
 SLAB_HEIGHT = 0.45
-_SHARPEST, _ROUNDEST = 0.03, 0.9  # radius of wear over that of the largest ball in the rock
+_SHARPEST, _ROUNDEST = 0.03, 0.9  # radius of wear over the radius of the largest ball in the rock
 #: Broken ice: jitter of cleavage planes, depth of its steps over the distance to the face, their mean wavenumbers in
 #: radians over that distance, and the part of a wave in which a step falls back.
 _CLEAVAGE_JITTER, _STEP_DEPTH, _STEP_WAVES, _STEP_FALL = 0.12, 0.05, (5.0, 11.0, 24.0, 50.0), 0.15
@@ -109,7 +109,7 @@ def _draw_cleavage(random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]
     axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
     normals = unit(np.concatenate([axes, -axes]) + random.normal(0, _CLEAVAGE_JITTER, (6, 3)))
     depths = np.tile(np.array([1.0, 0.8, 0.62]) * random.uniform(0.85, 1.1, 3), 2) * random.uniform(0.9, 1.1, 6)
-    # Planes across the rock, then chips of its corners: each cuts off a part of what is there.
+    # Planes across the rock, then chips of its corners: each plane cuts off a part of the shape so far.
     cuts = unit(random.normal(size=(random.integers(3, 6), 3)))
     farthest = (cuts @ corners_of(normals, depths).T).max(axis=1)
     depths = np.append(depths, farthest * random.uniform(0.62, 0.85, len(cuts)))

@@ -45,7 +45,7 @@ class SizeLaw(Protocol):
         ...
 
     def diameter_m(self, per_m2: np.ndarray) -> np.ndarray:
-        """The diameters in metres above which there are so many rocks per square metre."""
+        """The diameters in metres above which there are ``per_m2`` rocks per square metre."""
         ...
 
 

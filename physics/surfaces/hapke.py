@@ -173,7 +173,7 @@ def coherent_backscatter(tan_half: Any, h_c: Any) -> Array:
 def _rough(incidence: Array, emission: Array, psi: Array, theta_bar: Array) -> tuple[Array, Array, Array]:
     """Effective cosines µ0e and µe and the shadowing function S (Hapke 1984; 2012, section 12.4).
 
-    The smooth limit needs no case of its own: with θ̄ = 0, cot θ̄ is infinite and every exponential 0.
+    The smooth limit needs no special case: with θ̄ = 0, cot θ̄ is infinite and every exponential 0.
     """
     tan_theta = np.tan(theta_bar)
     cot_theta = 1 / tan_theta

@@ -104,7 +104,7 @@ def hemispherical_fit(law_of: Callable[[float, float], Law], gammas: Array, slop
 
 
 def disc_brightness(law: Law, phase: Any) -> Array:
-    """Brightness of a sphere at phase angles in radians over that of a white, facing Lambert disc of its size."""
+    """Brightness of a sphere at phase angles in radians relative to a white, facing Lambert disc of its size."""
     alpha = np.atleast_1d(np.asarray(phase, np.float64))
     longitude, along = _gauss(alpha - np.pi / 2, np.full_like(alpha, np.pi / 2))
     latitude, across = _gauss(0.0, np.pi / 2)
@@ -117,7 +117,7 @@ def disc_brightness(law: Law, phase: Any) -> Array:
 
 
 def geometric_albedo(law: Law) -> float:
-    """Brightness of a sphere at phase angle 0 over that of a white, facing Lambert disc of its size."""
+    """Brightness of a sphere at phase angle 0 relative to a white, facing Lambert disc of its size."""
     return float(disc_brightness(law, 0.0))
 
 

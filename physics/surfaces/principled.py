@@ -1,11 +1,11 @@
 """The albedo that Blender's Principled surface really has, and the base colour that gives a wanted albedo.
 
 The base colour of the Principled surface is not its albedo: specular reflection adds to it, the random
-walk under the surface has an albedo of its own that ends at 0.92, and what is transmitted is lost. The
+walk under the surface has a different albedo, at most 0.92, and transmitted light is lost. The
 bihemispherical reflectance of a flat surface (light from all sides, to all sides) was measured in a white
 furnace (``benchmarks/furnace.py``). It is the same from Blender 4.3 to 5.0; 4.2 loses less light on steep bumps, 5.2
-returns up to 2.4 % less of the light that goes under the surface. So each of them has a table of its own, which here is
-interpolated and inverted.
+returns up to 2.4 % less of the light that goes under the surface. So each of the three has its table, which is
+interpolated and inverted here.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ REPORTED_FROM = 0.01
 
 
 def use_table(blender: str) -> None:
-    """Take the table of a Blender, a key of ``TABLES``, from now on; that of 5.0 until this is called."""
+    """Use the table of a Blender, a key of ``TABLES``, from now on. Until this is called, the table of 5.0 is used."""
     global _used
     _used = blender
 
@@ -88,7 +88,7 @@ def curve(surface: SurfaceSettings) -> tuple[np.ndarray, np.ndarray]:
     """
     table = _table()
     root = root_f0(surface.refractive_index, surface.specular)
-    # Light that leaves by Burley's profile is no less than that of a diffuse surface.
+    # With Burley's profile no less light leaves than from a diffuse surface.
     walks = surface.subsurface_radius_m > 0.0 and surface.subsurface_method == "RANDOM_WALK"
     roughness, weight = surface.roughness, surface.subsurface_weight * walks
     base = table["base"]

@@ -29,7 +29,7 @@ def escape(mu: Any) -> Array:
 
 
 def reflectance_factor(incidence: Any, emission: Any, azimuth: Any, albedo: Any) -> Array:
-    """Radiance over that of a white Lambert surface in the same light; angles in radians, azimuth 0 on the Sun's side.
+    """Radiance relative to a white Lambert surface in the same light; angles in radians, azimuth 0 on the Sun's side.
 
     ``albedo`` is the spherical albedo, the share of light from all sides that is reflected. 0 where the Sun or the
     observer is below the surface.

@@ -1,9 +1,10 @@
-"""Reflectance by wavelength of what lies on the ground of icy moons, in the visible, 400 to 700 nm.
+"""Reflectance by wavelength of materials on the ground of icy moons, in the visible, 400 to 700 nm.
 
 Snow is computed from the absorption of pure ice. The other materials are tables, since no spectrum of them at the scale
-of a lander's camera is published: a table has what is known of the colour, and ``Material.source`` states what is
-measured, what is assumed, from memory and without a publication at hand, and what is a guess. ``validation`` holds snow
-and the grounds of both moons against published spectra. The light of the Sun is folded in by ``light.bands``.
+of a lander's camera is published: a table has the known facts about the colour, and ``Material.source`` states which
+numbers are measured, which are assumed, from memory and without a publication at hand, and which are a guess.
+``validation`` compares snow and the grounds of both moons with published spectra. The light of the Sun is folded in by
+``light.bands``.
 
 All reflectances are bihemispherical: the share of even light from all sides that flat ground returns.
 """
@@ -42,10 +43,10 @@ def ice_absorption_1_m(wavelength_nm: np.ndarray | float) -> np.ndarray:
 def snow_reflectance(wavelength_nm: np.ndarray | float, grain_radius_m: float) -> np.ndarray:
     """Reflectance of deep, clean snow in even light: exp(-√(16/3 · (1 - ω)/(1 - g))).
 
-    ``grain_radius_m`` is that of spheres of the same surface per mass, 3 / (917 kg/m³ · r). The single-scattering
-    co-albedo is 1 - ω = 2Bα / (917 · SSA) (Kokhanovsky and Zege 2004, Applied Optics 43, 1589; Libois et al. 2013, The
-    Cryosphere 7, 1803). It is accurate while 1 - ω is small, as it is in the visible below a radius of some
-    centimetres.
+    ``grain_radius_m`` is the radius r of spheres of the same surface per mass, 3 / (917 kg/m³ · r). The
+    single-scattering co-albedo is 1 - ω = 2Bα / (917 · SSA) (Kokhanovsky and Zege 2004, Applied Optics 43, 1589; Libois
+    et al. 2013, The Cryosphere 7, 1803). It is accurate while 1 - ω is small, as it is in the visible below a radius of
+    some centimetres.
     """
     surface_per_mass = 3 / (ICE_KG_M3 * grain_radius_m)
     coalbedo = 2 * _ABSORPTION_ENHANCEMENT * ice_absorption_1_m(wavelength_nm) / (ICE_KG_M3 * surface_per_mass)
@@ -54,7 +55,7 @@ def snow_reflectance(wavelength_nm: np.ndarray | float, grain_radius_m: float) -
 
 def bubbly_ice_reflectance(wavelength_nm: np.ndarray | float, bubble_radius_m: float,
                            bubble_share: float) -> np.ndarray:
-    """Reflectance of deep, clean ice with air bubbles in even light, without that of its surface.
+    """Reflectance of deep, clean ice with air bubbles in even light, without reflection at its surface.
 
     It is exp(-4 √(α (1 - f) · 4a/3 / (3 f (1 - g)))): the same asymptotic radiative transfer as for snow, with bubbles
     of radius a and volume share f as scatterers, as in the package snowoptics 0.99.2. g = 0.79 is the asymmetry of
@@ -73,7 +74,7 @@ class Material:
     title: str
     wavelength_nm: tuple[float, ...]
     values: tuple[float, ...]  # reflectances
-    source: str  # of its numbers: what is published, what is assumed, what is a guess
+    source: str  # of its numbers: which are published, which are assumed, which are a guess
 
     def reflectance(self, wavelength_nm: np.ndarray | float) -> np.ndarray:
         """Its reflectance at wavelengths, of their shape."""
@@ -97,8 +98,8 @@ def _with_band(title: str, level: float, depth: float, centre_nm: float, fwhm_nm
     return Material(title, tuple(wavelength.tolist()), tuple((level * (1 - depth * band)).tolist()), source)
 
 
-#: Materials by their names in the settings. "Guess" and "assumed" mean what they say: replace them by a measurement
-#: if you have one.
+#: Materials by their names in the settings. Replace a number that is called a guess or assumed by a measurement if you
+#: have one.
 MATERIALS: dict[str, Material] = {
     "ENCELADUS_PLAINS": _coloured(
         "Plains of Enceladus", 0.9, (0.98, 0.99, 0.99, 0.985),

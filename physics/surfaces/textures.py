@@ -79,7 +79,7 @@ def make_maps(name: str) -> Maps:
         return _pack_maps(height, 1.0 + 0.06 * height + 0.04 * _draw_waves(random, 1.5, 1 / 64, 1 / 2),
                           0.65 + 0.1 * height)
     if name == "GRAINS":
-        # Rounded grains, each with a brightness of its own, dark in the gaps.
+        # Rounded grains of different brightness, dark in the gaps.
         first, second, value = _draw_cells(random, 24)
         gap = np.clip((second - first) / 0.25, 0.0, 1.0)
         height = np.sqrt(np.clip(1.0 - first**2, 0.0, 1.0)) * (0.7 + 0.3 * value)

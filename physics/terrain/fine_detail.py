@@ -1,6 +1,6 @@
 """Fine relief on the vertices of any mesh, imported or sculpted: noise in space, along the normals.
 
-The octaves and their amplitudes are those of the ground's random surface (``roughness``), solved for
+The octaves and their amplitudes are as in the ground's random surface (``roughness``), solved for
 noise in three dimensions cut by a surface, so that a flat mesh gets the same RMS deviation against
 distance as flat ground does. Landforms and layers are height fields and have no place here.
 """
@@ -25,8 +25,8 @@ def relief(points_m: np.ndarray, settings: Settings, seed: int, longest_m: float
            shortest_m: Any = 0.0) -> np.ndarray:
     """Heights (n,) in metres of the described roughness at points (n, 3) in metres, any order.
 
-    ``longest_m`` leaves out what the mesh has already (about two of the lengths that it resolves),
-    ``shortest_m`` (a number, or one per point) what its vertices cannot carry.
+    ``longest_m`` leaves out waves that the mesh has already (it is about two of the lengths that the mesh resolves),
+    ``shortest_m`` (a number, or one per point) waves that its vertices cannot carry.
     Raises IcyMoonError where the cut-offs make no sense.
     """
     ground = settings.terrain

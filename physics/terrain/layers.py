@@ -1,8 +1,8 @@
 """Extra layers of fractal noise on the ground, each of a stated RMS height.
 
-A layer is a fractal sum (``FRACTALS``) over octaves of a noise (``BASES``), optionally with its domain warped. Sum and
-noise have their own mean and range, so a layer is brought to zero mean and unit RMS on points of its own, which depend
-neither on the patch nor on the mesh.
+A layer is a fractal sum (``FRACTALS``) over octaves of a noise (``BASES``), optionally with its domain warped. The mean
+and range of a sum depend on its fractal and its noise, so a layer is brought to zero mean and unit RMS on sample points
+that depend neither on the patch nor on the mesh.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _TURN = math.radians(37.0)
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer; build it with :func:`make_layer`. ``signal_mean`` is what an octave is held at that is left out;
+    """One layer; build it with :func:`make_layer`. an octave that is left out is held at ``signal_mean``;
     ``centre`` and ``factor`` bring the sum to metres."""
 
     basis: str
@@ -62,7 +62,7 @@ class Layer:
         return np.broadcast_to((total - self.centre) * self.factor, shape)
 
     def signal(self, k: int, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-        """What the fractal makes of octave k of the noise."""
+        """The fractal's signal of octave k of the noise."""
         wavelength = self.scale_m / self.lacunarity**k
         cos, sin = math.cos(k * _TURN) / wavelength, math.sin(k * _TURN) / wavelength
         noise = BASES[self.basis]((cos * x_m + self.offsets[k, 0]) - sin * y_m,

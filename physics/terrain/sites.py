@@ -1,7 +1,7 @@
 """Where a camera can stand on procedural ground and beside its rocks, without building them.
 
-Rocks lie where the build puts them; their heights are those of the described ground, which the mesh
-keeps to within the error that the settings ask for.
+Rocks lie where the build puts them; their heights are on the described ground, which the mesh follows
+to within the error that the settings ask for.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class RockyGround:
 
     @property
     def shortest_m(self) -> float:
-        """Shortest wavelength in metres of the ground that counts: of a grid, what it carries."""
+        """Shortest wavelength in metres of the ground that counts: the shortest that a grid carries, else 0."""
         patch = self.settings.terrain
         return 2 * patch.size_m / (patch.resolution - 1) if math.isfinite(self.half_m) else 0.0
 
@@ -54,7 +54,7 @@ class RockyGround:
 
     @cached_property
     def shapes(self) -> Sequence[Sequence[Shape]]:
-        """What the rocks are chosen from."""
+        """The shapes that rocks are chosen from."""
         rocks = self.settings.rocks
         return make_rock_shapes(rocks.family, rocks.angularity, int(self.settings.dataset.seed))
 
@@ -76,9 +76,9 @@ class RockyGround:
 
     def eyes(self, x_m: np.ndarray, y_m: np.ndarray, height_m: np.ndarray, heading_deg: np.ndarray,
              baseline_m: np.ndarray) -> Eyes:
-        """What surrounds the right eyes of n cameras whose left eyes stand ``height_m`` above the ground.
+        """The surroundings of the right eyes of n cameras whose left eyes stand ``height_m`` above the ground.
 
-        Above ground that is not there they are NaN. A left eye is in no rock: the build leaves such rocks out.
+        Heights are NaN where there is no ground. A left eye is in no rock: the build leaves such rocks out.
         """
         heading = np.radians(heading_deg)
         x, y = x_m + baseline_m * np.cos(heading), y_m - baseline_m * np.sin(heading)

@@ -1,6 +1,6 @@
 """Mantling: fall-out that lies thick in hollows and thin on heights.
 
-Plume fall-out on Enceladus and frost smooth what is lower than its surroundings; no ridge is raised.
+Plume fall-out on Enceladus and frost smooth ground that is lower than its surroundings; no ridge is raised.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The ground: heights of position, composed of what the settings name.
+"""The ground: heights by position, composed of the parts that the settings name.
 
 A random surface of stated roughness (``roughness``), extra layers of noise (``layers``), landforms
 (``landforms``), snow in the hollows (``snow_mantle``), on a regional slope, with hills (``hills``) to the horizon. Any
@@ -33,7 +33,7 @@ from .roughness.roughness import (
 from .roughness.structure_function import structure
 from .snow_mantle import fill
 
-#: Points worked on at a time, so that what is in hand stays in the processor's cache.
+#: Points worked on at a time, so that their arrays stay in the processor's cache.
 _TILE = 128
 #: Points per side of the grid on which mean heights of the patch are taken.
 _SAMPLES = 65
@@ -88,7 +88,7 @@ class Terrain:
     def _tile(self, x: np.ndarray, y: np.ndarray, shortest_m: Any) -> np.ndarray:
         total = self._ground(x, y, shortest_m)
         for landform in self.landforms:
-            # Only a mesh of one spacing leaves out what it is too coarse for; the error of a graded one is bounded.
+            # Only a mesh of one spacing leaves out landforms too fine for it; the error of a graded one is bounded.
             share = landform.carried_share(shortest_m) if np.ndim(shortest_m) == 0 else 1.0
             if share:
                 total += share * landform.heights(x, y, shortest_m)

@@ -1,7 +1,7 @@
 """Icy landforms, each a height field of position that is added to the ground, each off by default.
 
 A module holds one feature: where it comes from, its limits, and a maker
-``make(settings, random, size_m) -> Landform | None``, None when its settings say there is none.
+``make(settings, random, size_m) -> Landform | None``, None if its settings ask for none.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the landforms share: their interface, turned coordinates, steps."""
+"""Code that the landforms share: their interface, turned coordinates, steps."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _CHIP_DEPTH = 0.4
 @dataclass(frozen=True)
 class Crests:
     """Sharp crests of a landform: each of ``lines``, as ``line(x_m, y_m)``, is the signed distance from the nearest in
-    metres, and the next is about ``apart_m`` away. Crests of one line do not cross; those of several may. A mesh with
-    edges along them takes ``heights``, sharp where it is fine enough."""
+    metres, and the next is about ``apart_m`` away. Crests of one line do not cross; crests of different lines may. A
+    mesh with edges along them takes ``heights``, sharp where it is fine enough."""
 
     lines: Sequence[Callable[[np.ndarray, np.ndarray], np.ndarray]]
     heights: Callable[[np.ndarray, np.ndarray, Any], np.ndarray]
@@ -34,7 +34,7 @@ class Crests:
 
 @dataclass(frozen=True)
 class Walls:
-    """Steep walls of broken ice, about ``height_m`` high; ``key`` is that of the noise that breaks them."""
+    """Steep walls of broken ice, about ``height_m`` high; ``key`` selects the noise that breaks them."""
 
     height_m: float
     key: int
@@ -44,7 +44,7 @@ class Walls:
 class Landform:
     """A height field. ``heights(x_m, y_m, shortest_m)`` takes arrays that broadcast and gives metres.
 
-    ``finest_m`` is its smallest length; infinite where the field itself leaves out what is too fine.
+    ``finest_m`` is its smallest length; infinite if the field itself leaves out waves that are too fine.
     """
 
     finest_m: float
@@ -108,7 +108,7 @@ def only_where(mask: np.ndarray, of: Callable[..., np.ndarray], *coordinates: np
 
 def broken_step(distance: np.ndarray, u: np.ndarray, v: np.ndarray, foot: float, width: float,
                 chips: Sequence[float], keys: Sequence[int]) -> np.ndarray:
-    """A step from 0 at the distance ``foot`` to 1 at ``foot + width``, out of which chips are broken.
+    """A step from 0 at the distance ``foot`` to 1 at ``foot + width``, with chips broken out of it.
 
     It has a ledge for each of the widths of ``chips``, from the foot up; chips reach behind the straight edge by up to
     0.4 of their width. All lengths have the unit of ``distance``, ``u`` and ``v``.

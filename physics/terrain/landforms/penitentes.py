@@ -18,7 +18,7 @@ from ....settings.topics.landforms import PenitentesSettings
 from ..noise.lattice_noise import hash_lattice, to_uniform
 from .common import Crests, Landform, draw_key, smooth_step, turn, wander
 
-#: Sideways wandering of the rows, in spacings, over wavelengths of so many blade lengths.
+#: Sideways wandering of the rows, in spacings, and its wavelength in blade lengths.
 _WANDER, _WANDER_LENGTH = 0.5, 1.2
 #: Furthest a row's crest is beside the middle between its troughs by chance, and with its lean, in spacings.
 _ASTRAY, _MOST_LEAN = 0.12, 0.35

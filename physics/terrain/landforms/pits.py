@@ -25,7 +25,7 @@ from .common import Crests, Landform, Walls, draw_key, facets, only_where, wande
 #: Smallest and largest radius over the mean one; their mean square over the square of the mean.
 _SMALLEST, _LARGEST = 0.5, 1.5
 _MEAN_SQUARE = 1.0 + (_LARGEST - _SMALLEST) ** 2 / 12.0
-#: How much better than at random places pits cover the ground, of which there is one in each square: measured.
+#: How much better one pit in each square covers the ground than pits at random places; measured, c in ``make``.
 _EVEN = 0.28
 #: Bending of the walls in mean radii, and its wavelengths in mean radii.
 _BEND, _BEND_LENGTHS = 0.22, (1.6, 0.55)

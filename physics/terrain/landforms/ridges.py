@@ -18,7 +18,7 @@ from .common import Crests, Landform, draw_key, smooth_step, turn, wander
 
 #: Where the crests are, as a share of half the width.
 _CREST = 0.4
-#: Sideways wandering of a ridge, in spacings, over wavelengths of so many spacings.
+#: Sideways wandering of a ridge, in spacings, and its wavelength in spacings.
 _WANDER, _WANDER_LENGTH = 0.12, 2.5
 
 
@@ -63,7 +63,7 @@ def make(settings: RidgesSettings, random: np.random.Generator, size_m: float) -
         total = np.zeros(np.broadcast_shapes(np.shape(x_m), np.shape(y_m)))
         for k in range(sets):
             place = one_set(k, x_m, y_m)
-            # A younger ridge buries what was there, from its foot inward.
+            # A younger ridge buries the older relief, from its foot inward.
             total *= 1.0 - smooth_step(2.0 * (1.0 - np.abs(place)))
             total += height * profile(place, settings.trough)
         return total

@@ -2,7 +2,7 @@
 
 The sums are Musgrave's (Ebert et al., "Texturing and Modeling", 3rd ed. 2003, ch. 16), with his offset
 and gain of 1. Each makes a signal of the noise, in about [-1, 1], and sums the signals of the octaves;
-``signal(k)`` is that of octave k at the points and ``roughness`` the ratio of the amplitudes of successive
+``signal(k)`` is the signal of octave k at the points and ``roughness`` the ratio of the amplitudes of successive
 octaves. A signal that is held at its mean leaves an octave out, without moving the mean height.
 """
 

@@ -31,7 +31,7 @@ def _point_y(h: np.ndarray) -> np.ndarray:
 @dataclass(frozen=True)
 class Voronoi:
     """The nearest point of each position: ``x1``, ``y1`` is its place relative to it, ``f1`` its distance and
-    ``f2`` that of the second nearest, all in lattice units and of the shape of the positions."""
+    ``f2`` the distance of the second nearest, all in lattice units and of the shape of the positions."""
 
     x1: np.ndarray
     y1: np.ndarray
@@ -47,7 +47,7 @@ class Voronoi:
         return to_uniform(hash_lattice(self._column, self._row, key))
 
     def edge_distance(self, length_x: float = 1.0, length_y: float = 1.0) -> np.ndarray:
-        """Distance to the nearest edge of the cell, in units of which a lattice square is ``length_x`` by ``length_y``.
+        """Distance to the nearest edge of the cell, in the unit of a lattice square's ``length_x`` and ``length_y``.
 
         The edge is sought among points of the 5 x 5 squares around a position: exact where it is less than
         0.29 lattice squares away, seldom too large elsewhere.

@@ -8,7 +8,7 @@ of the longest for H from 0.5 to 0.9, within 11 % for H from 0.2 to 1. (Spectral
 periodic patch is not: with a target of 0.9 it gives 0.74, because periodicity flattens the long lags.)
 
 One patch holds only a few of the longest waves, whose height may be anything by chance; the long
-octaves are therefore measured on the patch, about its mean plane, and the fit is made to what they are.
+octaves are therefore measured on the patch, about its mean plane, and the fit is made to the measured waves.
 """
 
 from __future__ import annotations
@@ -112,7 +112,7 @@ def _amplitudes(wavelengths: tuple[float, ...], hurst: float, dimensions: int) -
 def asked_numbers(terrain: TerrainSettings) -> dict[str, float | None]:
     """The statistics that ``terrain`` settings ask of the random surface, with the keys of ``Roughness.numbers``.
 
-    The RMS height is that of endless ground with these octaves. Raises IcyMoonError where the cut-offs make no sense.
+    The RMS height is for endless ground with these octaves. Raises IcyMoonError where the cut-offs make no sense.
     """
     wavelength = wavelengths_m(terrain)
     squares = _asked_amplitudes(terrain, wavelength) ** 2
@@ -255,7 +255,7 @@ def _measure_long_octaves(surface: RoughSurface, size_m: float) -> tuple[np.ndar
 
 def _fit_to_patch(surface: RoughSurface, size_m: float, baseline: float, at_baseline: float,
                   hurst: float) -> RoughSurface:
-    """The surface with the amplitudes of its octaves fitted to what the long ones are on the patch."""
+    """The surface with the amplitudes of its octaves fitted to the long octaves as measured on the patch."""
     fields, level = _measure_long_octaves(surface, size_m)
     wavelength, long = surface.wavelength_m, len(fields)
     means = fields.mean(axis=(1, 2))

@@ -1,4 +1,4 @@
-"""What is measured on a grid of heights: RMS deviation against distance, power spectrum, slope, Hurst exponent.
+"""Statistics of a grid of heights: RMS deviation against distance, power spectrum, slope, Hurst exponent.
 
 Definitions after Shepard et al. 2001 (JGR 106 E12, "The roughness of natural terrain").
 """
@@ -71,7 +71,7 @@ def power_spectrum(heights_m: np.ndarray, spacing_m: float, bins_per_octave: int
 
 @dataclass(frozen=True)
 class Roughness:
-    """What was measured on a grid: ``lag_m`` and RMS deviation ``deviation_m`` (equal lengths), the RMS
+    """The measured roughness of a grid: ``lag_m`` and RMS deviation ``deviation_m`` (equal lengths), the RMS
     slope ``slope_deg`` at ``baseline_m`` (NaN where the grid cannot tell), the ``hurst`` exponent, which is
     the slope of the deviation in the logarithm over the range of lags that the law was asked for, and the RMS
     ``height_m`` about the mean plane."""
@@ -84,7 +84,7 @@ class Roughness:
     height_m: float
 
     def numbers(self) -> dict[str, float | None]:
-        """What is stored in ``pair.json`` and compared with what was asked for; None where the grid cannot tell."""
+        """The numbers that ``pair.json`` stores beside the requested ones; None where the grid cannot tell."""
         found = {"rms_slope_deg": self.slope_deg, "rms_height_m": self.height_m, "hurst": self.hurst}
         return {key: None if math.isnan(value) else float(f"{value:.4g}") for key, value in found.items()}
 
