@@ -123,10 +123,10 @@ def electrons(light: np.ndarray, seconds: float, rate: float, sensor: SensorSett
               hits_e: np.ndarray | float = 0.0) -> np.ndarray:
     """Electrons, float64 and of the shape of ``light``, that are read from each pixel.
 
-    ``light`` is radiance in W/(m² sr) behind the lens, ``hits_e`` electrons that particles freed. NaN and
-    negative radiance (defects of a render) count as dark. Shot noise comes before the well is full,
-    read noise after, so that a saturated pixel shows read noise only. The result can be slightly
-    negative: the converter, not the well, has a floor.
+    ``light`` is radiance in W/(m² sr) behind the lens, ``hits_e`` electrons that particles freed. NaN and negative
+    radiance (defects of a render) count as dark. Shot noise comes before the well is full, read noise after, so that a
+    saturated pixel shows read noise only. Row noise is temporal, as in EMVA 1288, release 4: one number for each row
+    of each image. The result can be slightly negative: the converter has a floor, the well has none.
     """
     pattern = pattern or Pattern()
     full_well = float(sensor.full_well_e)
@@ -140,8 +140,12 @@ def electrons(light: np.ndarray, seconds: float, rate: float, sensor: SensorSett
     if float(sensor.blooming) > 0:
         charge = spread_overflow(charge, full_well, float(sensor.blooming))
     charge = np.minimum(charge, full_well) + pattern.offset_e
-    read_noise = float(sensor.read_noise_e)
-    return charge + random.normal(0.0, read_noise, charge.shape) if read_noise > 0 else charge
+    read_noise, row_noise = float(sensor.read_noise_e), float(sensor.row_noise_e)
+    if read_noise > 0:
+        charge = charge + random.normal(0.0, read_noise, charge.shape)
+    if row_noise > 0:  # drawn last, so that images without it stay the same
+        charge = charge + random.normal(0.0, row_noise, (*charge.shape[:-1], 1))
+    return charge
 
 
 def spread_overflow(charge: np.ndarray, full_well_e: float, share: float) -> np.ndarray:

@@ -236,6 +236,9 @@ class SensorSettings(Table, label="Exposure and Sensor", brief="Exposure"):
     read_noise_e: float = number(
         "Read Noise (e-)", 15.0, 0.0, 1.0e5, (0.0, 100.0), "Standard deviation of the noise from reading a pixel",
         "response", "e-", precision=1, section=NOISE)
+    row_noise_e: float = number(
+        "Row Noise (e-)", 0.0, 0.0, 1.0e5, (0.0, 20.0), "Standard deviation of the noise that all pixels of a row "
+        "share, new in each exposure", "response", "e-", precision=1, section=NOISE, since="0.3")
     shot_noise: bool = tick(
         "Shot Noise", True, "Poisson noise of photo-electrons and dark current", "response", section=NOISE)
     dark_current_e_s: float = number(

@@ -50,6 +50,27 @@ def test_noise_has_the_mean_and_variance_of_poisson_plus_read_noise(mean):
     assert abs(charge.var() - variance) < 5 * variance * np.sqrt(2 / N)
 
 
+def test_row_noise_is_shared_by_a_row_and_new_in_each_exposure():
+    """Means of rows contain all of it, and of the other noise a part in 400 of the variance."""
+    settings = sensor(**QUIET | {"read_noise_e": 3.0, "row_noise_e": 5.0})
+    generator = random()
+    one, two = (electrons(np.zeros((3000, 400)), 1.0, 1.0, settings, generator) for _ in range(2))
+    rows = one.mean(axis=1)
+    expected = 25.0 + 9.0 / 400
+    assert abs(rows.var(ddof=1) - expected) < 5 * expected * np.sqrt(2 / 3000)
+    # Within a row there is only read noise, and the next exposure has other rows.
+    assert abs((one - rows[:, None]).var() - 9.0) < 5 * 9.0 * np.sqrt(2 / one.size) + 9.0 / 400
+    assert abs(np.corrcoef(rows, two.mean(axis=1))[0, 1]) < 5 / np.sqrt(3000)
+
+
+def test_images_without_row_noise_stay_as_they_were():
+    light = np.full((8, 9), 500.0)
+    assert np.array_equal(exposed(light, sensor(row_noise_e=0.0)), exposed(light, sensor()))
+    noisy = exposed(light, sensor(row_noise_e=4.0)) - exposed(light, sensor())
+    assert np.allclose(noisy, noisy[:, :1])
+    assert np.ptp(noisy[:, 0]) > 0
+
+
 def test_photon_transfer_curve_gives_gain_read_noise_and_full_well_back():
     settings = sensor(bits=16, black_level=0.01, full_well_e=15000.0, read_noise_e=6.0, gain=1.0)
     levels = np.linspace(0, 20000, 60)
