@@ -142,6 +142,33 @@ def _add_principled(tree: Tree, label: str, surface: SurfaceSettings, wanted: An
 
 
 @dataclass(frozen=True)
+class _Places:
+    """Random offsets, so that each pattern of a seed lies elsewhere. Patterns in three dimensions have three."""
+
+    patches: float
+    grain: Sequence[float]
+    salt: float
+    image: tuple[float, float]
+    bands: float
+    frost: float
+    crust: float
+    fractures: float
+
+    @classmethod
+    def draw(cls, seed: int) -> _Places:
+        """The offsets of a seed."""
+        drawn = map(float, generator(seed, "surface").uniform(0.0, 1000.0, 11))
+        patches, grain_x, salt, east, north, grain_y, grain_z, bands, frost, crust, fractures = drawn
+        grain = [along % GRAIN_FARTHEST for along in (grain_x, grain_y, grain_z)]
+        return cls(patches, grain, salt, (east, north), bands, frost, crust, fractures)
+
+    @property
+    def glints(self) -> float:
+        """A whole number, and farther from others than there are octaves."""
+        return math.floor(self.salt) * 64.0
+
+
+@dataclass(frozen=True)
 class _Ice:
     """Arguments that the layers of Principled ice share: those for ``_add_principled``, and those for glints."""
 
@@ -153,7 +180,7 @@ class _Ice:
     smooth: bool
     geometry: Any
     pixel_rad: float
-    offsets: Mapping[str, float]
+    at: _Places
 
     def add(self, label: str, surface: SurfaceSettings, glints: bool = False) -> Any:
         """Shader socket of ice with ``surface`` settings, but for their albedo."""
@@ -162,7 +189,7 @@ class _Ice:
             return shader
         normal = self.relief.get("Normal", self.geometry.outputs["Normal"])
         return add_glints(self.tree, shader, self.wanted, self.geometry, normal, surface.glint_share,
-                          surface.glint_size_m, self.pixel_rad, self.offsets["glints"])
+                          surface.glint_size_m, self.pixel_rad, self.at.glints)
 
 
 def _add_layers(ice: _Ice, crusted: Any, of_rocks: bool) -> tuple[Any, Any]:
@@ -178,7 +205,7 @@ def _add_layers(ice: _Ice, crusted: Any, of_rocks: bool) -> tuple[Any, Any]:
         shader = ice_layers.add_over(tree, "Clear Share", ice.surface.transmission, shader, clear)
     if has_fractures(ice.surface):
         veil = surface | {"roughness": 1.0, "specular": 0.0, "transmission": 0.0, "subsurface_weight": 0.0}
-        veiled = add_fracture_share(tree, ice.surface, ice.geometry, ice.offsets["fractures"], of_rocks)
+        veiled = add_fracture_share(tree, ice.surface, ice.geometry, ice.at.fractures, of_rocks)
         shader = ice_layers.add_over(tree, "Fractures Within", veiled, shader,
                                      replace(ice, wanted=VEIL_ALBEDO, varied={}).add("Veil", veil))
     if crusted is not None:
@@ -187,7 +214,7 @@ def _add_layers(ice: _Ice, crusted: Any, of_rocks: bool) -> tuple[Any, Any]:
         shader = ice_layers.add_over(tree, "Crust on Snow", crusted, shader, ice.add("Crust", crust))
     if surface.frost_share > 0.0:
         frost = surface | {"roughness": 1.0, "specular": 0.0, "transmission": 0.0, "subsurface_weight": 0.0}
-        frosted = ice_layers.add_frost_share(tree, surface, ice.geometry, ice.offsets["frost"])
+        frosted = ice_layers.add_frost_share(tree, surface, ice.geometry, ice.at.frost)
         over = replace(ice, wanted=surface.frost_albedo, varied={}).add("Frost", frost, glints=True)
         shader = ice_layers.add_over(tree, "Frost on Ice", frosted, shader, over)
     return shader, volume
@@ -241,6 +268,144 @@ def _add_law(material: bpy.types.Material, surface: SurfaceSettings, settings: S
             "EEVEE": reflectance_laws.add_hapke_of_nodes(ground, grains, sun)}
 
 
+class _Material:
+    """A material in the making. Its steps are called in their order, each adds nodes for those after it."""
+
+    def __init__(self, name: str, surface: SurfaceSettings, seed: int, semantic: int, textured: Textured | None,
+                 settings: Settings | None) -> None:
+        self.material = bpy.data.materials.new(name)
+        self.material.pass_index = semantic
+        self.tree = Tree(compat.ensure_nodes(self.material))
+        self._settings, self._textured = settings, textured
+        self._of_rocks, self._of_terrain = semantic == ROCK, semantic == TERRAIN
+        self._at = _Places.draw(seed)
+        self._geometry = self.tree.node("ShaderNodeNewGeometry", "Geometry")
+        self._surface = ice_layers.as_bubbly_ice(surface)
+        self._maps = textured.maps if textured is not None else {}
+        self._pieces = (textured.make_sampler(self.tree, self._geometry, self._at.image)
+                        if textured is not None and self._maps else None)
+        self._varied: dict[str, Any] = {}  # sockets of the law's inputs that vary over the ground, by their names
+        self._relief: dict[str, Any] = {}  # the socket of the normal with relief, if there is relief
+        self._displacement: dict[str, Any] = {}  # the socket of moved vertices, if vertices are moved
+        self._crusted: Any = None
+        self._volume: Any = None
+
+    @property
+    def _is_principled(self) -> bool:
+        return self._surface.model == "PRINCIPLED"
+
+    def vary_inputs(self) -> None:
+        """Let images vary the inputs of the reflectance law."""
+        for kind in _numbers_of(self._surface, self._settings, self._textured):
+            if self._pieces is not None and kind in self._maps:
+                of = self._maps[kind]
+                self._surface = self._surface | {kind: of.mean[of.channel]}
+                self._varied[kind] = self._pieces.separated(kind.title(), self._pieces.sample(kind, of))[of.channel]
+
+    def add_brightness(self, dug: bool) -> None:
+        """Multiply the albedo by patches, by ground that was dug open, and by the faces of rocks."""
+        tree, surface = self.tree, self._surface
+        self._grey = add_brightness(tree, surface, self._geometry, self._at.patches, elevated=self._of_terrain)
+        self._least = darkest(surface)
+        if dug and self._settings is not None and dug_layers.is_shown(self._settings.excavation):
+            opened = dug_layers.add_dug_brightness(tree, self._settings.excavation)
+            self._grey = tree.math("MULTIPLY", "Brightness of Dug Ground", opened, self._grey)
+            self._least *= dug_layers.darkest(self._settings.excavation)
+        if self._of_rocks and surface.face_variation > 0.0:
+            kept, rougher = add_faces(tree, surface)
+            self._grey = tree.math("MULTIPLY", "Brightness of Faces", self._grey, kept)
+            if "roughness" in _numbers_of(surface, self._settings, None):
+                roughness = Number(tree, self._varied.get("roughness", surface.roughness)) + Number(tree, rougher)
+                self._varied["roughness"] = roughness.at_least(0.0).at_most(1.0).value
+
+    def add_colour(self) -> None:
+        """Colour the ice by its bubbles, grains, dirt and salts, and by the albedo image."""
+        tree, surface = self.tree, self._surface
+        self._bubbly = (ice_layers.add_bubbly_colour(tree, surface, self._geometry, self._at.bands, self._of_rocks)
+                        if self._is_principled and surface.bubble_share > 0.0 else None)
+        self._colour = add_ground_colour(tree, surface, self._geometry, self._at.salt, self._of_terrain,
+                                         self._settings, self._bubbly)
+        if self._pieces is not None and "albedo" in self._maps:
+            image = self._maps["albedo"]
+            of_mean = self._pieces.vector("SCALE", "Albedo over Mean", self._pieces.sample("albedo", image),
+                                          scale=1 / max(sum(image.mean) / 3, 1e-6))
+            self._colour = _add_product(tree, "Stained Map", of_mean, self._colour)
+
+    def add_relief(self, by_fineness: bool) -> None:
+        """Add grain, the crust and the images of height and normals, as bumps or by moving vertices."""
+        tree = self.tree
+        moved, height = self._add_heights(by_fineness)
+        if self._is_principled and self._surface.crust_share > 0.0:
+            self._crusted = ice_layers.add_crust_share(tree, self._surface, self._geometry, self._at.crust)
+            height = _add_sum(tree, ice_layers.add_smoothed(tree, self._crusted, height),
+                              ice_layers.add_crust_height(tree, self._surface, self._crusted))
+            moved = ice_layers.add_smoothed(tree, self._crusted, moved)
+        if self._pieces is not None and "normal" in self._maps:
+            self._relief["Normal"] = self._pieces.sample_normal(self._maps["normal"])
+        if height is not None:
+            self._relief["Normal"] = add_bump(tree, height, 1.0, self._relief.get("Normal"))
+        self.material.displacement_method = "BUMP" if moved is None else "DISPLACEMENT"
+        if moved is not None:
+            self._displacement["Displacement"] = tree.node("ShaderNodeDisplacement", "Moved", {
+                "Height": moved, "Midlevel": 0.0, "Scale": 1.0}, leave=("Normal",), space="OBJECT").outputs[0]
+
+    def _add_heights(self, by_fineness: bool) -> tuple[Any, Any]:
+        """Sockets of the heights that move vertices and that bend normals, in metres; None for no such heights."""
+        where, surface = self._geometry.outputs["Position"], self._surface
+        if surface.relief == "REAL" and by_fineness and surface.grain_amplitude_m > 0.0:
+            moved, painted = add_grain_by_fineness(self.tree, surface, where, self._at.grain)
+            return moved, _add_sum(self.tree, painted, _add_image_height(self.tree, self._pieces, self._textured))
+        height = _add_fine_height(self.tree, surface, where, self._at.grain, self._pieces, self._textured)
+        return (height, None) if surface.relief == "DISPLACEMENT" else (None, height)
+
+    def add_surface(self) -> None:
+        """Add the reflectance law and connect it to the outputs of the renderers."""
+        shaders = {"ALL": self._add_layers()} if self._is_principled else self._add_law()
+        volume = {} if self._volume is None else {"Volume": self._volume}
+        unused = ["Thickness", *(name for name in ("Displacement", "Volume")
+                                 if name not in self._displacement | volume)]
+        for target, shader in shaders.items():
+            self.tree.node("ShaderNodeOutputMaterial", "Surface in EEVEE" if target == "EEVEE" else "Surface",
+                           {"Surface": shader, **self._displacement, **volume}, leave=unused, target=target)
+
+    def _add_layers(self) -> Any:
+        settings = self._settings
+        # The colour of bubbly ice is its reflectance itself.
+        plain = self._surface if self._bubbly is None else self._surface | {"albedo": 1.0}
+        ice = _Ice(self.tree, self._surface, _add_reflectance(self.tree, plain, self._grey, self._colour),
+                   self._varied, self._relief, self._is_smooth, self._geometry,
+                   1.0 / focal_px(settings.rig) if settings is not None else 0.0, self._at)
+        shader, self._volume = _add_layers(ice, self._crusted, self._of_rocks)
+        return shader
+
+    def _add_law(self) -> dict[str, Any]:
+        slopes = (_add_slopes(self.tree, self._settings.hapke, self._varied["roughness"], self._surface.roughness)
+                  if self._settings is not None and "roughness" in self._varied else None)
+        ground = reflectance_laws.Ground(self.tree, self._relief.get("Normal"), self._grey, self._colour, slopes)
+        return _add_law(self.material, self._surface, self._settings, ground, self._is_smooth, self._least)
+
+    @property
+    def _is_smooth(self) -> bool:
+        """Whether only rays of the camera meet the relief."""
+        return self._settings is not None and only_camera_meets_relief(self._surface, self._settings.quality)
+
+    def add_passes(self, albedo_pass: bool) -> None:
+        """Add the outputs of the passes: the geometric normal, and if asked the albedo, and baked light."""
+        tree, surface, settings = self.tree, self._surface, self._settings
+        tree.node("ShaderNodeOutputAOV", "Geometric Normal",
+                  {"Color": self._geometry.outputs["True Normal"], "Value": 0.0}, aov_name=NORMAL_AOV)
+        if albedo_pass:
+            by_grains = surface.model == "HAPKE"
+            reflectance = _add_reflectance(
+                tree, surface | {"albedo": 1.0} if by_grains or self._bubbly is not None else surface,
+                1.0 if by_grains else self._grey, self._colour)
+            frosted = (ice_layers.add_frost_share(tree, surface, self._geometry, self._at.frost)
+                       if self._is_principled and surface.frost_share > 0.0 else None)
+            add_albedo_pass(tree, surface, settings, self._grey, reflectance, self._least, frosted)
+        if settings is not None and settings.quality.indirect != "TRACED" and surface.model == "LAMBERT":
+            add_baked_passes(tree, _add_reflectance(tree, surface, self._grey, self._colour), self._of_rocks)
+
+
 def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int,
                    textured: Textured | None = None, settings: Settings | None = None,
                    by_fineness: bool = False, albedo_pass: bool = False, dug: bool = False) -> bpy.types.Material:
@@ -252,99 +417,12 @@ def build_material(name: str, surface: SurfaceSettings, seed: int, semantic: int
     The geometric normal goes to the value pass ``NORMAL_AOV``, because Cycles' own Normal pass contains the bump. With
     ``albedo_pass`` the albedo goes to ``ALBEDO_AOV``. ``dug`` is whether the mesh has the attributes of an excavation.
     """
-    material = bpy.data.materials.new(name)
-    material.pass_index = semantic
-    tree = Tree(compat.ensure_nodes(material))
-    offsets = map(float, generator(seed, "surface").uniform(0.0, 1000.0, 11))
-    patches_at, grain_x, salt_at, east, north, grain_y, grain_z, bands_at, frost_at, crust_at, cracks_at = offsets
-    glints_at = math.floor(salt_at) * 64.0  # whole, and further apart than there are octaves
-    grain_at = [w % GRAIN_FARTHEST for w in (grain_x, grain_y, grain_z)]
-    geometry = tree.node("ShaderNodeNewGeometry", "Geometry")
-    surface = ice_layers.as_bubbly_ice(surface)
-    found = textured.maps if textured is not None else {}
-    pieces = textured.make_sampler(tree, geometry, (east, north)) if textured is not None and found else None
-    varied: dict[str, Any] = {}
-    for kind in _numbers_of(surface, settings, textured):
-        if pieces is not None and kind in found:
-            of = found[kind]
-            surface = surface | {kind: of.mean[of.channel]}
-            varied[kind] = pieces.separated(kind.title(), pieces.sample(kind, of))[of.channel]
-    grey = add_brightness(tree, surface, geometry, patches_at, elevated=semantic == TERRAIN)
-    least = darkest(surface)
-    if dug and settings is not None and dug_layers.is_shown(settings.excavation):
-        opened = dug_layers.add_dug_brightness(tree, settings.excavation)
-        grey = tree.math("MULTIPLY", "Brightness of Dug Ground", opened, grey)
-        least *= dug_layers.darkest(settings.excavation)
-    if semantic == ROCK and surface.face_variation > 0.0:
-        kept, rougher = add_faces(tree, surface)
-        grey = tree.math("MULTIPLY", "Brightness of Faces", grey, kept)
-        if "roughness" in _numbers_of(surface, settings, None):
-            roughness = Number(tree, varied.get("roughness", surface.roughness)) + Number(tree, rougher)
-            varied["roughness"] = roughness.at_least(0.0).at_most(1.0).value
-    bubbly = (ice_layers.add_bubbly_colour(tree, surface, geometry, bands_at, semantic == ROCK)
-              if surface.model == "PRINCIPLED" and surface.bubble_share > 0.0 else None)
-    colour = add_ground_colour(tree, surface, geometry, salt_at, semantic == TERRAIN, settings, bubbly)
-    if pieces is not None and "albedo" in found:
-        mean = max(sum(found["albedo"].mean) / 3, 1e-6)
-        of_mean = pieces.vector("SCALE", "Albedo over Mean", pieces.sample("albedo", found["albedo"]), scale=1 / mean)
-        colour = _add_product(tree, "Stained Map", of_mean, colour)
-    output_leave = ["Thickness"]
-    volume: Any = None
-    relief: dict[str, Any] = {}
-    displacement: dict[str, Any] = {}
-    material.displacement_method = "BUMP"
-    moved: Any = None
-    if surface.relief == "REAL" and by_fineness and surface.grain_amplitude_m > 0.0:
-        moved, painted = add_grain_by_fineness(tree, surface, geometry.outputs["Position"], grain_at)
-        height = _add_sum(tree, painted, _add_image_height(tree, pieces, textured))
-    else:
-        height = _add_fine_height(tree, surface, geometry.outputs["Position"], grain_at, pieces, textured)
-        if surface.relief == "DISPLACEMENT":
-            moved, height = height, None
-    crusted: Any = None
-    if surface.model == "PRINCIPLED" and surface.crust_share > 0.0:
-        crusted = ice_layers.add_crust_share(tree, surface, geometry, crust_at)
-        height = _add_sum(tree, ice_layers.add_smoothed(tree, crusted, height),
-                          ice_layers.add_crust_height(tree, surface, crusted))
-        moved = ice_layers.add_smoothed(tree, crusted, moved)
-    if pieces is not None and "normal" in found:
-        relief["Normal"] = pieces.sample_normal(found["normal"])
-    if height is not None:
-        relief["Normal"] = add_bump(tree, height, 1.0, relief.get("Normal"))
-    if moved is not None:
-        material.displacement_method = "DISPLACEMENT"
-        displacement["Displacement"] = tree.node("ShaderNodeDisplacement", "Moved", {
-            "Height": moved, "Midlevel": 0.0, "Scale": 1.0}, leave=("Normal",), space="OBJECT").outputs[0]
-    else:
-        output_leave.append("Displacement")
-    smooth = settings is not None and only_camera_meets_relief(surface, settings.quality)
-    if surface.model == "PRINCIPLED":
-        # The colour of bubbly ice is its reflectance itself.
-        wanted = _add_reflectance(tree, surface if bubbly is None else surface | {"albedo": 1.0}, grey, colour)
-        ice = _Ice(tree, surface, wanted, varied, relief, smooth, geometry,
-                   1.0 / focal_px(settings.rig) if settings is not None else 0.0,
-                   {"frost": frost_at, "glints": glints_at, "fractures": cracks_at})
-        shader, volume = _add_layers(ice, crusted, semantic == ROCK)
-        shaders = {"ALL": shader}
-    else:
-        slopes = (_add_slopes(tree, settings.hapke, varied["roughness"], surface.roughness)
-                  if settings is not None and "roughness" in varied else None)
-        ground = reflectance_laws.Ground(tree, relief.get("Normal"), grey, colour, slopes)
-        shaders = _add_law(material, surface, settings, ground, smooth, least)
-    for target, shader in shaders.items():
-        tree.node("ShaderNodeOutputMaterial", "Surface in EEVEE" if target == "EEVEE" else "Surface",
-                  {"Surface": shader, **displacement, **({"Volume": volume} if volume is not None else {})},
-                  leave=[*output_leave, *(["Volume"] if volume is None else [])], target=target)
-    tree.node("ShaderNodeOutputAOV", "Geometric Normal", {"Color": geometry.outputs["True Normal"], "Value": 0.0},
-              aov_name=NORMAL_AOV)
-    if albedo_pass:
-        white = surface.model == "HAPKE" or bubbly is not None
-        reflectance = _add_reflectance(tree, surface | {"albedo": 1.0} if white else surface,
-                                       1.0 if surface.model == "HAPKE" else grey, colour)
-        frosted = (ice_layers.add_frost_share(tree, surface, geometry, frost_at)
-                   if surface.model == "PRINCIPLED" and surface.frost_share > 0.0 else None)
-        add_albedo_pass(tree, surface, settings, grey, reflectance, least, frosted)
-    if settings is not None and settings.quality.indirect != "TRACED" and surface.model == "LAMBERT":
-        add_baked_passes(tree, _add_reflectance(tree, surface, grey, colour), semantic == ROCK)
-    tree.arrange()
-    return material
+    made = _Material(name, surface, seed, semantic, textured, settings)
+    made.vary_inputs()
+    made.add_brightness(dug)
+    made.add_colour()
+    made.add_relief(by_fineness)
+    made.add_surface()
+    made.add_passes(albedo_pass)
+    made.tree.arrange()
+    return made.material
