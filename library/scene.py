@@ -29,7 +29,7 @@ def _states(changes: Mapping[str, Any], name: str) -> bool:
 
 
 class Scene:
-    """A scene to render: complete settings, made from presets and changes. It never changes itself.
+    """A scene to render: complete settings, made from presets and changes. A scene never changes.
 
     ``Scene("europa_rough_ice", "qualities/draft", rig={"width_px": 640})`` takes the presets (names, or paths of TOML
     files), the later over the earlier, then the changes by topic. Settings that no preset states have their defaults.
