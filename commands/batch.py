@@ -122,7 +122,7 @@ def _stop(number: int, frame: Any) -> None:
 
 
 def render(dataset: Path, pairs: list[PlannedPair], how: WorkerOptions, say: Say, dask: str | None = None) -> int:
-    """Render what is missing of these pairs; the exit status: 0, or 1 if some were set aside."""
+    """Render the missing ones of these pairs; the exit status is 1 if some were set aside, else 0."""
     set_stop_handler(_stop)
     failed: dict[str, str] = {}
     try:
@@ -208,7 +208,7 @@ def _evaluate_meanwhile(dataset: Path, options: argparse.Namespace) -> Iterator[
     finally:
         kill_all(process)
         for folder in (out, *(out / "pairs").glob("*/")):
-            remove_leftover_parts(folder)  # what it was writing when it was ended
+            remove_leftover_parts(folder)  # files that it was writing when it was ended
 
 
 def _evaluate(dataset: Path, options: argparse.Namespace) -> int:

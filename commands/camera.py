@@ -26,7 +26,7 @@ _PARALLEL_RAD, _ASIDE = 1e-4, 1e-3
 _ALIKE_PX, _MOST_FOCAL, _MOST_CENTRE = 0.5, 0.05, 0.05
 #: By how much the focal lengths along x and y may differ as a share for pixels that are squares.
 _SQUARE = 1e-3
-#: Longest baseline of two eyes on one mount, m; that of NASA's rovers is at most 0.42, that of cars 1.5.
+#: Longest baseline of two eyes on one mount, m; NASA's rovers have at most 0.42, cars 1.5.
 _LIKELY_BASELINE_M = 5.0
 #: Files of ROS by their suffix; all others are camera models of JPL.
 _ROS = (".yaml", ".yml")
@@ -62,11 +62,11 @@ def _run_camera(options: argparse.Namespace) -> int:
 
 
 def read_rig(left: Path, right: Path, most_px: float = FIT_LIMIT_PX) -> tuple[Settings, list[str]]:
-    """The ``rig`` settings of two calibrated cameras, and sentences on what was fitted or averaged.
+    """The ``rig`` settings of two calibrated cameras, and sentences on fitted and averaged values.
 
-    The width of the sensor is that of the defaults, since a calibration states lengths in pixels only. Both eyes of a
-    rig here have one lens; that of two cameras that differ is their mean. Raises IcyMoonError if the eyes are not
-    parallel and side by side, if they differ by more than a twentieth, or if the lens is off by more than ``most_px``.
+    The sensor has the default width, since a calibration states lengths in pixels only. Both eyes of a rig here have
+    one lens: the mean of both lenses if they differ. Raises IcyMoonError if the eyes are not parallel and side by side,
+    if the lenses differ by more than a twentieth, or if the fitted lens is off by more than ``most_px``.
     """
     where = f"{left} and {right}"
     of_ros = [path.suffix.lower() in _ROS for path in (left, right)]
@@ -104,8 +104,8 @@ def _read_eye(path: Path, most_px: float) -> _Eye:
 
 
 def _read_ros_eyes(left: Path, right: Path) -> tuple[_Eye, _Eye, list[str]]:
-    """Two cameras in the axes of the rectified left one, and sentences if they are those of the rectified images, or of
-    a part of the images that were calibrated."""
+    """Two cameras in the axes of the rectified left one, and sentences if they belong to the rectified images, or to a
+    part of the images that were calibrated."""
     cameras = [(path, read_ros_camera(path)) for path in (left, right)]
     for path, camera in cameras:
         for name, matrix in (("camera_matrix", camera.matrix), ("projection_matrix", camera.projection)):
@@ -136,9 +136,9 @@ def _read_ros_eyes(left: Path, right: Path) -> tuple[_Eye, _Eye, list[str]]:
 
 
 def _why_rectified(left: RosCamera, right: RosCamera) -> str | None:
-    """What the images of two cameras have that no rig here has, and their rectified images have not; None if nothing.
+    """Why a rig here needs the rectified images of two cameras, as a clause; None if it can have them as they are.
 
-    The rotations of both eyes are into the axes of the rectified pair.
+    Each eye states its rotation into the axes of the rectified pair.
     """
     for camera in (left, right):
         if not _has_squares(camera.matrix):
@@ -163,7 +163,7 @@ def _place(camera: RosCamera) -> np.ndarray:
 
 
 def _ros_eye(path: Path, camera: RosCamera, rectified: bool) -> _Eye:
-    """A camera as it is, or that of its rectified images. Raises IcyMoonError if their pixels are no squares."""
+    """A camera as it is, or the camera of its rectified images. Raises IcyMoonError if their pixels are no squares."""
     if rectified and not _has_squares(camera.projection):
         fix = ("calibrate both eyes as a stereo pair, which gives projection_matrix one focal length"
                if camera.binning[0] == camera.binning[1] else
@@ -210,9 +210,9 @@ def _baseline(left: _Eye, right: _Eye, stated_in: str) -> tuple[float, list[str]
 
 
 def _mean_lens(left: Lens, right: Lens, width_px: int, where: str) -> tuple[Lens, list[str]]:
-    """The lens that stands for two, and a sentence if they differ by more than ``_ALIKE_PX``.
+    """The one lens that stands for two, and a sentence if they differ by more than ``_ALIKE_PX``.
 
-    Raises IcyMoonError if they differ so much that their mean is no lens of either.
+    Raises IcyMoonError if they differ too much for one lens.
     """
     if differ := _tell_unlike(left, right, width_px):
         raise IcyMoonError(f"{where} differ by {differ}, and both eyes of a rig here have one lens; rectify their "

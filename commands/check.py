@@ -1,7 +1,7 @@
 """The verb ``check``: whether Blender, OpenEXR and OpenCV work together here, by a small pair whose truth is known.
 
-A level plane of Lambert's law is rendered and measured. Its depth is that of a plane, its light follows from Lambert's
-law, and a matcher finds its disparity.
+A level plane of Lambert's law is rendered and measured: its depth must be the depth of the plane, its light must follow
+Lambert's law, and a matcher must find its disparity.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ _SCENE: Parts = {
     "light": {"sun_elevation_deg": 35.0, "planet": False}, "rocks": {"coverage": 0.0},
     "rig": {"width_px": 96, "height_px": 72, "height_m": 1.5, "pitch_deg": 50.0, "baseline_m": 0.25},
     "quality": {"samples": 16, "diffuse_bounces": 0, "denoiser": "NONE"}}
-#: What a right installation keeps below: relative error of depth, a rounding of single precision; of the mean light,
-#: noise of samples and of the texture's mean; and the median error of SGBM in px on a texture that it can match.
+#: Largest errors of a right installation: relative error of depth, from rounding to single precision; relative error of
+#: the mean light, from noise of samples and of the texture's mean; mean error in px of SGBM on a texture it can match.
 _MOST = {"depth": 1e-4, "light": 0.03, "sgbm": 0.3}
 
 
@@ -67,7 +67,7 @@ def _processor_s() -> float:
 
 
 def _measure(folder: Path, out: Path) -> Iterator[str]:
-    """Print each comparison of a rendered pair with what is known, and give those that fail, as clauses."""
+    """Print each comparison of a rendered pair with its known truth, and yield a clause for each that fails."""
     from ..render.pairs.pair_folder import read_pair
     from ..stereo.evaluate import evaluate
     from ..stereo.images.exr import read_view
@@ -77,7 +77,7 @@ def _measure(folder: Path, out: Path) -> Iterator[str]:
     view, camera = read_view(pair.image("left")), pair.camera
     row = (np.arange(camera.height_px) + 0.5 - camera.cy_px) / camera.focal_px
     fall = -(camera_axes(0.0, pair.settings.rig.pitch_deg)[2, 1:] @ np.stack([row, np.ones_like(row)]))
-    known = fall > math.tan(math.radians(15.0))  # of the plane, not of what is behind it
+    known = fall > math.tan(math.radians(15.0))  # on the plane, not beyond it
     plane = pair.settings.rig.height_m / fall[known]
     lit = pair.sun.ground_irradiance_wm2 if pair.sun else math.nan
     light = math.pi * float(view.radiance[known].mean()) / (lit * _ALBEDO * (1 - _DARKER / 2))

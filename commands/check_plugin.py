@@ -1,4 +1,4 @@
-"""The verb ``check-plugin``: try a plug-in and print what it lacks."""
+"""The verb ``check-plugin``: try a plug-in and print its faults."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def find_all() -> dict[str, Found]:
 
 
 def checks_of(plugin: Plugin) -> Iterator[Check]:
-    """All checks of a plug-in, until one fails without which the others mean nothing."""
+    """All checks of a plug-in, up to the first failure that makes the other checks meaningless."""
     yield from check_package(plugin)
     if plugin.kind == "landform":
         yield from check_landform(plugin)

@@ -1,4 +1,4 @@
-"""What is installed, what is missing, and how to fix that."""
+"""The verb ``doctor``: the programs that are installed or missing, and how to fix that."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _check_evaluator(python: str) -> dict[str, Any]:
-    """What the evaluator reports of a Python. Raises IcyMoonError if it cannot be run."""
+    """The evaluator's report on a Python. Raises IcyMoonError if the Python cannot be run or gives no report."""
     try:
         done = run(python_command(python, "stereo", "check"), clean_environment(), timeout_s=120.0)
         found = parse_json(done.stdout)
@@ -58,7 +58,7 @@ def _check_evaluator(python: str) -> dict[str, Any]:
 
 
 def examine_blender(executable: str) -> list[Finding]:
-    """What a Blender, or a Python with ``bpy``, can do."""
+    """Findings on a Blender, or on a Python with ``bpy``."""
     found = shutil.which(executable)
     if not found:
         return [Finding("Blender", "missing", f"{executable} is not there", "Give its path with --blender.")]
@@ -85,7 +85,7 @@ def examine_blender(executable: str) -> list[Finding]:
 
 
 def examine_evaluator(python: str) -> list[Finding]:
-    """What the Python of the evaluator can do."""
+    """Findings on the Python of the evaluator."""
     try:
         facts = _check_evaluator(python)
     except IcyMoonError as error:

@@ -1,4 +1,4 @@
-"""The verbs ``evaluate`` and ``decide``: those of the evaluator, with a folder for the results that may be left out."""
+"""The evaluator's verbs ``evaluate`` and ``decide``; here the folder for the results may be left out."""
 
 from __future__ import annotations
 

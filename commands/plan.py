@@ -1,4 +1,4 @@
-"""The verb ``plan``: the pairs of a data set and what they will take, before anything starts."""
+"""The verb ``plan``: the pairs of a data set and their estimated cost, before anything starts."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _run_plan(options: argparse.Namespace) -> int:
 
 
 def _print_plan(options: argparse.Namespace) -> int:
-    """Print what was asked for, then which pairs cannot be rendered; the exit status, 1 if there are such."""
+    """Print the pairs or the estimate, with pairs that cannot be rendered; the exit status is 1 if there are any."""
     plan = read_plan(find_plan(options.plan))
     check_plan(plan)
     pairs = plan.pairs()
@@ -140,13 +140,13 @@ def _check_blender(pairs: Sequence[PlannedPair], options: argparse.Namespace) ->
 
 
 def _bake_lines(pairs: Sequence[PlannedPair]) -> list[str]:
-    """A line on the pairs whose light is baked with too few samples; none if there are none."""
+    """A line on the pairs whose light is baked with too few samples, if there are any."""
     found = [said for pair in pairs for said in bake_advice(pair.settings)]
     return [f"In {len(found)} of {count_of(len(pairs), 'pair')}: {found[0]}"] if found else []
 
 
 def _refusal_lines(plan: Plan) -> list[str]:
-    """A line on the pairs that a render will set aside, and why it will the first; none if it will not."""
+    """A line on the pairs that a render will set aside, with the reason for the first one, if there are any."""
     refused = plan.refused()
     if not refused:
         return []

@@ -155,7 +155,7 @@ def _run_trade(options: argparse.Namespace) -> int:
 
 
 def _print_decided(report: dict[str, Any]) -> None:
-    """Print how the decisions of each variant differ from the reference's, as a table; nothing if there are none."""
+    """Print a table of how the decisions of each variant differ from the reference's, if there are decisions."""
     from ..stereo.matchers.methods import describe_method
     from ..stereo.report.table_columns import format_number
     from ..stereo.trade.report import DECISION_COLUMNS, SAME

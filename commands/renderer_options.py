@@ -1,4 +1,4 @@
-"""The options that state what is to render: ``--blender`` and ``--cards``."""
+"""The options for the Blender and the graphics cards that render: ``--blender`` and ``--cards``."""
 
 from __future__ import annotations
 

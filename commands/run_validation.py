@@ -1,4 +1,4 @@
-"""What the verb ``validate`` does: it makes the comparisons that are asked for, prints and writes them."""
+"""The work of the verb ``validate``: make the comparisons that are asked for, print and write them."""
 
 from __future__ import annotations
 

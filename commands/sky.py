@@ -79,7 +79,7 @@ def _preset_of(body: str | None) -> list[str]:
 
 
 def _dates(first: str, source: str, hours: float, every: float) -> list[str]:
-    """The dates of the rows, in UTC. Raises IcyMoonError for steps or a date that are none."""
+    """The dates of the rows, in UTC. Raises IcyMoonError for an invalid date and for invalid steps."""
     if hours == 0:
         return [first if source == "ANGLES" else date_text(parse_date(first))]
     if source == "ANGLES":

@@ -1,8 +1,8 @@
-"""Where the numbers of a scene come from: the preset that states each, and the source that it gives.
+"""Where the numbers of a scene come from: the preset that states each number, and the source that the preset gives.
 
 Settings contain values only, not who set them. So a value is traced to a shipped preset that states the same value. A
-preset counts if the settings have at least half of those of its values that are not defaults. Of several, those come
-first that the most similar preset includes, then those with the largest share.
+preset counts if the settings have at least half of its values that are not defaults. The most similar preset and the
+presets that it includes come first, then the presets with the largest share.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class _Preset:
 
 
 def _read_preset(name: str) -> _Preset:
-    """A shipped preset without what it includes."""
+    """A shipped preset without the presets that it includes."""
     path = preset_files.preset_path(name)
     raw = toml_text.read_toml(path)
     stated = {topic: values for topic, values in raw.items() if topic in TOPICS}
@@ -62,7 +62,10 @@ def _read_preset(name: str) -> _Preset:
 
 def _likeness(stated: Settings, settings: Settings,
               defaults: Settings) -> tuple[float, int]:
-    """The share of the stated values that are in the settings, and their number; defaults count if all are such."""
+    """The share of the stated values that are in the settings, and the number of these values.
+
+    Values that are defaults count only if all stated values are defaults.
+    """
     listed = [(topic, key, value) for topic, values in stated.items() for key, value in values.items()]
     telling = [each for each in listed if defaults[each[0]][each[1]] != each[2]] or listed
     met = sum(settings[topic][key] == value for topic, key, value in telling)
@@ -70,11 +73,11 @@ def _likeness(stated: Settings, settings: Settings,
 
 
 def _rank_presets(settings: Settings) -> list[_Preset]:
-    """The presets that count: first those of the preset that is most like the settings with all that it includes."""
+    """The presets that count: first the one most like the settings and the presets that it includes."""
     defaults, known = description.defaults(), {name: _read_preset(name) for name in preset_files.preset_names()}
     whole = {name: preset_files.load_preset(name) for name in known}
     family = [max(known, key=lambda name: _likeness(whole[name], settings, defaults))]
-    for name in family:  # which grows by what is included
+    for name in family:  # grows by the presets that each one includes
         family += known[name].included
     likeness = {name: _likeness(preset.stated, settings, defaults) for name, preset in known.items()}
     order = sorted(known, key=lambda name: (name in family, likeness[name]), reverse=True)
@@ -94,8 +97,8 @@ def _find_origin(topic: str, setting: Setting, value: Value, default: Value, pre
 def find_origins(settings: Settings, asked: Iterable[str] = ()) -> Iterator[Origin]:
     """The origin of each setting of a complete description, in the order of the sidebar.
 
-    ``asked`` are topics (``light``) or settings (``light.planet``) to list; none for all but defaults.
-    Raises IcyMoonError for one that is not known.
+    ``asked`` are topics (``light``) or settings (``light.planet``) to list; if it is empty, all but defaults are.
+    Raises IcyMoonError for an unknown name.
     """
     wanted, defaults = list(asked), description.defaults()
     names = {f"{topic}.{setting.key}" for topic, setting in all_settings()} | set(TOPICS)

@@ -1,4 +1,4 @@
-"""The verb ``stand-ins``: what is made by code in place of the files of the GUISS paper, as a list or as files."""
+"""The verb ``stand-ins``: items made by code in place of the files of the GUISS paper, as a list or as files."""
 
 from __future__ import annotations
 

@@ -27,8 +27,8 @@ _SHOWN = {"coverage": 3, "epe_px": 3, "bad_1": 3, "l1_m": 4}
 class Evaluation:
     """The result of ``evaluate``.
 
-    ``summary`` has the mean metrics over all pairs by method, ``rows`` a dictionary for each pair and method (what is
-    in them: the manual's page on metrics), ``notes`` sentences on what limits the comparison. The files are in
+    ``summary`` has the mean metrics over all pairs by method, ``rows`` a dictionary for each pair and method (its keys
+    are in the manual's page on metrics), ``notes`` sentences on the limits of the comparison. The files are in
     ``folder``; ``report`` is the page to open in a browser.
     """
 
@@ -64,10 +64,10 @@ def evaluate(pairs: RenderedPair | str | Path | Iterable[RenderedPair | str | Pa
     ``"sgbm"`` or ``"bm:window=21"``, and functions of your own, in a list, or by names of yours in a dictionary. A
     function gets the left and the right image, uint8 (H, W), rectified, and returns disparities in px, (H, W), left
     column minus right column, NaN where it finds none; a parameter called ``max_disparity_px`` gets the largest
-    disparity that the rig can see, ``camera`` the rig. ``presets`` and ``changes`` are of another sensor, as for
-    ``RenderedPair.develop``. What is in ``out`` already, of the same pairs, matchers and settings, is not computed
-    again; functions of your own run always. ``jobs`` is the number of processes. Raises IcyMoonError for a matcher
-    that is unknown, a function that returns something else, and where nothing can be measured.
+    disparity that the rig can see, ``camera`` the rig. ``presets`` and ``changes`` describe another sensor, as for
+    ``RenderedPair.develop``. Results in ``out`` of the same pairs, matchers and settings are not computed again;
+    functions of your own run always. ``jobs`` is the number of processes. Raises IcyMoonError for an unknown matcher, a
+    function that returns something else, and where nothing can be measured.
     """
     from ..stereo.environment import packages
 
@@ -95,7 +95,7 @@ def evaluate(pairs: RenderedPair | str | Path | Iterable[RenderedPair | str | Pa
 
 def _sort(matchers: Sequence[str | Matcher] | Mapping[str, str | Matcher]
           ) -> tuple[list[str], dict[str, str], dict[str, Matcher]]:
-    """Our matchers, those of ours that have names, and functions by their names."""
+    """Our matchers under their own names, our matchers by the user's names, and functions by their names."""
     from ..stereo.matchers.methods import OWN_NAME
 
     if isinstance(matchers, str):

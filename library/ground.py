@@ -21,12 +21,11 @@ def export_ground(of: Scene | RenderedPair | str | Path | Iterable[RenderedPair]
                   *, cell_m: float | None = None, blender: str | Path | None = None) -> list[Path]:
     """Write the ground of a scene, a pair, pairs or a data set, and return the folders that were written in ``out``.
 
-    ``kind`` is ``dem`` (GeoTIFF: heights of the ground, and of what lies on top, in metres, and albedo; cells of
-    ``cell_m``), ``ply``, ``obj``, ``usd`` or ``gltf`` (meshes). All are in the site's frame, x east, y north, z up, in
-    metres, but glTF has y up.
-    ``geometry.json`` beside them contains frame, units, and what the files lack. ``blender`` builds the ground, by
-    default this one. Raises IcyMoonError for another format, for cells that are too small, and for pairs that were
-    edited by hand.
+    ``kind`` is ``dem`` (GeoTIFF in cells of ``cell_m``: height of the ground, height of ground and rocks, both in
+    metres, and albedo), ``ply``, ``obj``, ``usd`` or ``gltf`` (meshes). All are in the site's frame, x east, y north,
+    z up, in metres, but glTF has y up. ``geometry.json`` beside them contains frame, units, and the parts of the render
+    that the files lack. ``blender`` builds the ground, by default this one. Raises IcyMoonError for another format, for
+    cells that are too small, and for pairs that were edited by hand.
     """
     if kind not in ground.FORMATS:
         raise IcyMoonError(f"There is no format {kind!r} of ground, {nearest(kind, ground.FORMATS)}")

@@ -1,6 +1,6 @@
 """Heights, albedos and rocks that a program gives as arrays or functions, as files that a data set keeps.
 
-A file is named after its content, so that the same array is stored once, and the id of a pair is that of its content.
+A file is named after its content, so the same array is stored once, and the id of a pair depends on the content.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _MOST_ALBEDO = 1.0
 
 @dataclass(frozen=True)
 class Input:
-    """The content of a file that the setting ``setting`` names, and what it is, for whoever looks at the scene."""
+    """The content of a file that the setting ``setting`` names, and a text about it for whoever looks at the scene."""
 
     setting: str
     content: bytes

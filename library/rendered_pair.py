@@ -49,7 +49,7 @@ class RenderedEye:
 
     @cached_property
     def depth_m(self) -> np.ndarray:
-        """Planar depth in metres at pixel centres, float64 (H, W); NaN for sky and what the sensor does not see."""
+        """Planar depth in metres at pixel centres, float64 (H, W); NaN for sky and for pixels that are not ``seen``."""
         depth, seen = scene_depth(self._read[1]), self.seen
         return depth if seen.all() else np.where(seen, depth, np.nan)
 
@@ -92,7 +92,7 @@ class RenderedPair:
 
     def __init__(self, pair: Pair) -> None:
         self._pair = pair
-        #: The left camera, whose pixels truth and disparity are of.
+        #: The left camera. Truth and disparity are on its pixels.
         self.left = RenderedEye(pair, "left")
         #: The right camera.
         self.right = RenderedEye(pair, "right")
@@ -152,7 +152,7 @@ class RenderedPair:
 
             views = {eye.name: eye._read[1] for eye in (self.left, self.right)}
             return visibility(*eyes_of(self._pair, self._pair.settings, views), self._pair.camera)["left"]
-        # The right depth is needed only where no rays have found what is hidden.
+        # The right depth is needed only if no rays have found the hidden pixels.
         hidden = self.left._read[1].hidden
         right = self.left.depth_m if hidden is not None else self.right.depth_m
         return visible_in_right(self.left.depth_m, right, self.camera, hidden)
@@ -175,7 +175,7 @@ class RenderedPair:
 
 
 def response_of(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
-    """The settings of presets and changes, all of which need no new render. Raises IcyMoonError for others."""
+    """The settings of presets and changes. Raises IcyMoonError for a setting that needs a new render."""
     found = read_settings(presets, changes)
     for topic, values in found.items():
         for key in values:
@@ -187,7 +187,7 @@ def response_of(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
 def read_settings(presets: tuple[str | Path, ...], changes: Parts) -> Settings:
     """The partial settings of presets (names, or paths of TOML files) and then of changes.
 
-    Raises IcyMoonError for what is unknown, with the nearest name, and for values of a wrong type or out of range.
+    Raises IcyMoonError for an unknown name, with the nearest one, and for values of a wrong type or out of range.
     """
     parts = [preset_files.load(Path(preset)) if isinstance(preset, Path) or str(preset).endswith(".toml")
              else preset_files.load_preset(str(preset)) for preset in presets]
@@ -208,7 +208,7 @@ def _plain(value: Any) -> Any:
 def open_pair(folder: str | Path) -> RenderedPair:
     """The pair in a folder, or the only one of a data set. Its files are checked against their checksums.
 
-    Raises IcyMoonError if there is none, several, or a file has changed since it was rendered.
+    Raises IcyMoonError if there is no pair, if there are several, or if a file has changed since it was rendered.
     """
     folders = find_pair_folders(Path(folder))
     if len(folders) > 1:

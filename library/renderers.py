@@ -32,7 +32,7 @@ class Renderer(Protocol):
         """Render the pairs of the settings and return their folders. Raises IcyMoonError if one fails."""
 
     def close(self) -> None:
-        """Free what it holds."""
+        """Free its memory and its processes."""
 
 
 def ignore(message: Message) -> None:
@@ -100,7 +100,7 @@ class Worker:
             raise IcyMoonError(f"Blender ended without a result (status {status}): {last}")
         except IcyMoonError:
             raise
-        except BaseException:  # such as Ctrl-C: what it was at is of no use
+        except BaseException:  # such as Ctrl-C: its unfinished render is of no use
             self.close()
             raise
         finally:
@@ -142,14 +142,14 @@ def this_blender() -> str:
 class InProcess:
     """Blender in this process: in the background (``blender -b``), or as a module of this Python.
 
-    It opens a new file for each ground, so what is open in this Blender is lost. Use it in a ``with`` statement, or
-    ``close`` it. Raises IcyMoonError where there is no Blender, and in one with a window.
+    It opens a new file for each ground, so the file that is open in this Blender is lost. Use it in a ``with``
+    statement, or ``close`` it. Raises IcyMoonError where there is no Blender, and in one with a window.
     """
 
     def __init__(self) -> None:
         if "bpy" not in sys.modules and importlib.util.find_spec("bpy") is None:
             raise IcyMoonError(f"{sys.executable} has no Blender as a module; render with icymoon.Worker(blender=…).")
-        # By its name: this room is of those that know no Blender.
+        # Imported by name, since this package may not import Blender.
         module = importlib.import_module("..render.resident_scenes", __package__)
         self._scenes: Any = module.InThisProcess()
 

@@ -29,11 +29,11 @@ def _states(changes: Mapping[str, Any], name: str) -> bool:
 
 
 class Scene:
-    """What is rendered: complete settings, made from presets and changes. A scene itself never changes.
+    """A scene to render: complete settings, made from presets and changes. A scene never changes.
 
     ``Scene("europa_rough_ice", "qualities/draft", rig={"width_px": 640})`` takes the presets (names, or paths of TOML
-    files), the later over the earlier, then the changes by topic. What no preset states has its default. Raises
-    IcyMoonError for what is unknown, with the nearest name, and for values of a wrong type or out of range.
+    files), the later over the earlier, then the changes by topic. Settings that no preset states have their defaults.
+    Raises IcyMoonError for an unknown name, with the nearest one, and for values of a wrong type or out of range.
     """
 
     def __init__(self, *presets: str | Path, **changes: Mapping[str, Any]) -> None:
@@ -106,8 +106,9 @@ class Scene:
         """This scene with rocks of your own: an array (n, 3) of places east and north of the origin and diameters, in
         metres.
 
-        Their shapes, tilt and burial follow the ``rocks`` settings; each rests on the ground. Those off the ground are
-        left out, with a warning. Raises IcyMoonError for an array of another shape, and for what is no rock.
+        Their shapes, tilt and burial follow the ``rocks`` settings; each rests on the ground. Rocks off the ground are
+        left out, with a warning. Raises IcyMoonError for an array of another shape, for numbers that are not finite,
+        and for diameters that are not above 0.
         """
         given, stated = rocks_input(rocks, self._settings.terrain.size_m)
         return self._changed(description.check(stated, "rocks"), {given.setting: given})

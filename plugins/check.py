@@ -1,4 +1,4 @@
-"""What every plug-in must have, whatever it adds, as a list of checks with what to correct."""
+"""The checks that every plug-in must pass, whatever it adds, with the fix of each fault."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ Made = TypeVar("Made")
 
 @dataclass(frozen=True)
 class Check:
-    """One check: what was looked at, and what is wrong, or nothing."""
+    """One check: ``what`` must hold, and the ``fault``, empty if it holds."""
 
     what: str
     fault: str = ""
 
 
 def check_making(what: str, make: Callable[[], Made]) -> tuple[Check, Made | None]:
-    """A check that ``make`` succeeds, and what it made; None where it raised a sentence."""
+    """A check that ``make`` succeeds, and its result; None if it raised IcyMoonError."""
     try:
         return Check(what), make()
     except IcyMoonError as error:
@@ -42,7 +42,7 @@ def check_of(what: str, act: Callable[[], str | None]) -> Check:
 
 
 def check_package(plugin: Plugin) -> Iterator[Check]:
-    """Whether a plug-in can be loaded where there is no Blender, and what it states about itself."""
+    """Whether a plug-in can be loaded without Blender, and states its API, its purpose and its licence."""
     blender_before = "bpy" in sys.modules
     first, loaded = check_making("it can be imported, and states ICYMOON_API", lambda: load(plugin))
     yield first

@@ -1,6 +1,6 @@
-"""Landforms of packages that the user installed: what they declare, and calling their heights.
+"""Landforms of packages that the user installed: their declarations and their heights.
 
-They are loaded once, when the settings are first needed, because each has a table of settings of its own.
+They are loaded once, when the settings are first needed, because each landform adds its own table of settings.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from ..errors import IcyMoonError
 from .installed import Plugin, explained, find, function_of, load, summary_of
 
-#: What the table of settings of a landform is called before its name; no table of ours begins so.
+#: Prefix of the name of a landform's table of settings; no table of ours begins with it.
 PREFIX = "landform_"
 #: The setting in such a table that states which release of the package made the landform; empty where it is off.
 RELEASE = "made_by"

@@ -1,4 +1,4 @@
-"""The program that makes the asset library in a Blender of its own, so that the window stays usable.
+"""The program that makes the asset library in a separate Blender, so that the window stays usable.
 
     __main__.py assets FOLDER [KIND/NAME ...]      all assets by default
 """

@@ -46,26 +46,28 @@ from .workers.shared_light import KeptLight, SharedLight
 _SCHEME = 5
 #: Samples of each half of the first two bakes, whose difference shows how many it takes.
 _FIRST = 8
-#: Height above the ground of the eye from which the share of indirect light is found, m: that of a mast.
+#: Height above the ground of the eye from which the share of indirect light is found, m: the height of a mast.
 _EYE_M = 1.5
-#: What the noise over all light, in the direction with most indirect light, is kept below quality.bake_noise by. Images
-#: show other parts of the ground, and those with more noise are traced after all, which costs more than some samples
-#: more.
+#: Margin by which the noise over all light, in the direction with most indirect light, is kept below
+#: quality.bake_noise. Images show other parts of the ground, and images with more noise are traced after all, which
+#: costs more than some more samples.
 _MARGIN = 1.1
-#: Samples of the direct light, of which only the mean over the ground is needed.
+#: Samples of the direct light; only its mean over the ground is needed.
 _DIRECT = 2
 #: Samples that show whether a texel is within a rock, and most samples of each of the three texels of a rock's point.
 _OPEN, _MOST_OF_ROCKS = 8, 16
 _NO_ROCKS = np.zeros((0, TERMS, 3), np.float32)
-#: What tells bakes of a light group from those of the Sun, in their names and seeds.
+#: Parts of names and seeds by which the bakes of a light group differ from the Sun's.
 _OTHERS: dict[str, tuple[int, ...]] = {"Sun": (), "Planet": (1,)}
 
 
 @dataclass(frozen=True)
 class Indirect:
-    """How the indirect light of a pair is made: baked ``lights`` by light group, or traced if there are none, and why
-    if the settings ask for baked light. ``tried`` is the baked light that was found unfit for an image that is traced.
-    ``spent_s`` are processor seconds that it took just now."""
+    """How the indirect light of a pair is made: baked ``lights`` by light group, or traced if ``lights`` is empty.
+
+    ``why_traced`` is the reason if the settings ask for baked light. ``tried`` is the baked light that was found unfit
+    for an image, which is traced. ``spent_s`` are the processor seconds that baking took just now.
+    """
 
     lights: Mapping[str, KeptLight] = field(default_factory=dict)
     why_traced: str = ""
@@ -89,7 +91,7 @@ class Indirect:
         """Why an image must be traced after all, as a clause, by what ``to_json`` states of it; empty if it need not.
 
         The noise of baked light is fixed to the ground and passes for texture, so where much light is indirect it would
-        make matching easier than it is. No ``limit`` is 0.
+        make matching easier than it is. A ``limit`` of 0 means no limit.
         """
         if not self.lights or stated is None:
             return ""
@@ -153,7 +155,7 @@ def _find_or_bake(built: Built, scene: bpy.types.Scene, settings: Settings, shar
 
 
 def _why_unsuitable(built: Built) -> str:
-    """Why what is built rules out baked light, as a clause; empty if it does not."""
+    """Why the built scene rules out baked light, as a clause; empty if it does not."""
     if added_objects(built.collection):
         return "objects were added to the scene, which have no baked light of their own"
     if built.edited_parts("terrain object", "terrain materials"):
@@ -205,10 +207,10 @@ def bake(terrain: bpy.types.Object, scene: bpy.types.Scene, settings: Settings, 
     """Bake the indirect light of a ground and its ``rocks`` by a light group, while the lamps of others are ``dark``,
     see ``BakedLight``.
 
-    Only vertices of facets that are ``seen`` (facets,) get light, and others have 0. It is baked in two halves of other
-    seeds, whose difference is the noise: first with few samples, then with as many more as the noise allows. Half of
-    that difference has the variance of the error of their mean, and so has what is interpolated between vertices.
-    Raises IcyMoonError if Cycles cannot bake.
+    Only vertices of facets that are ``seen`` (facets,) get light; the others have 0. Light is baked in two halves with
+    different seeds, whose difference is the noise: first with few samples, then with as many more as the noise
+    requires. Half of that difference has the same variance as the error of their mean, between vertices too. Raises
+    IcyMoonError if Cycles cannot bake.
     """
     start = time.process_time()
     quality = settings.quality

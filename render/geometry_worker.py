@@ -1,8 +1,8 @@
-"""The program that writes the geometry of pairs, for other renderers, in a Blender of its own.
+"""The program that writes the geometry of pairs, for other renderers, in a separate Blender.
 
     __main__.py geometry JOB.json FOLDER [FORMAT [CELL_M]]
 
-The job is that of ``worker``. For each of its pairs, the folder of its id gets ``geometry.json`` and, by the format,
+The job is a job of ``worker``. For each of its pairs, the folder of its id gets ``geometry.json`` and, by the format,
 meshes of each kind of object (``ply``, ``obj``, ``usd``, ``gltf``), as Cycles traces them: evaluated, as triangles,
 with the vertices where displacement moves them, and with normals for shading; or maps (``dem``), see ``ground_files``.
 """
@@ -49,7 +49,7 @@ _NO_MEMORY = "There is not enough memory to write the geometry; close other prog
 def mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
     """Positions and shading normals (n, 3) of a mesh, and its triangles (m, 3), in its own coordinates.
 
-    Corners share a vertex where the surface is smooth. Otherwise each corner of a triangle has a vertex of its own.
+    Corners share a vertex where the surface is smooth. Otherwise each corner of a triangle has a separate vertex.
     """
     loops, corners, positions = read_triangles(mesh)[0].ravel(), read_corners(mesh), read_vertices(mesh)
     smooth, split = (np.empty(3 * count, np.float32) for count in (len(mesh.vertices), len(mesh.loops)))
@@ -68,7 +68,8 @@ def mesh_triangles(mesh: bpy.types.Mesh) -> Triangles:
 
 @dataclass
 class _Found:
-    """A mesh that a render shows, what it is of, its vertices and triangles, and the matrices of its places."""
+    """A mesh that a render shows: its kind of object, its numbers of vertices and triangles, the matrices of its
+    places."""
 
     kind: str
     vertices: int
@@ -117,7 +118,7 @@ def _count(meshes: Sequence[PlacedMesh]) -> dict[str, int]:
 
 
 def _left_out_of_meshes(settings: Settings) -> list[str]:
-    """What meshes do not have of what is rendered, a sentence each."""
+    """The rendered details that meshes lack, a sentence each."""
     if settings.surface.grain_amplitude_m > 0 and settings.surface.relief != "DISPLACEMENT":
         return ["surface.grain_amplitude_m: relief where it is shading only, as it is where the mesh is coarser; the "
                 "true depth does not have it either"]
@@ -125,7 +126,7 @@ def _left_out_of_meshes(settings: Settings) -> list[str]:
 
 
 def _left_out_of_maps(settings: Settings) -> list[str]:
-    """What the maps do not have of what is rendered, a sentence each."""
+    """The rendered details that the maps lack, a sentence each."""
     found = _left_out_of_meshes(settings)
     if settings.rocks.coverage > 0 and any(principled.lets_light_through(settings[topic])
                                            for topic in surface_topics(settings)):
@@ -134,8 +135,8 @@ def _left_out_of_maps(settings: Settings) -> list[str]:
 
 
 def _collect(scene: bpy.types.Scene, suffix: str, settings: Settings) -> list[PlacedMesh]:
-    """The meshes that ``scene`` renders, with their places. Raises IcyMoonError if there are none, or more triangles
-    than a file of this suffix should have."""
+    """The meshes that ``scene`` renders, with their places. Raises IcyMoonError if it renders no mesh, or more
+    triangles than a file of this suffix should have."""
     scene.view_layers[0].update()
     counted: dict[str, _Found] = {}
     for item, found in _instances(scene):
@@ -148,7 +149,7 @@ def _collect(scene: bpy.types.Scene, suffix: str, settings: Settings) -> list[Pl
     if not counted:
         raise IcyMoonError("The scene has no meshes to write; build a ground first.")
     refuse_too_many([(len(each.places), each.vertices, each.triangles) for each in counted.values()], suffix)
-    # Places first: to move vertices evaluates another scene, after which what is evaluated here is gone.
+    # Places first: moving vertices evaluates another scene, and then the objects that were evaluated here are gone.
     ready: dict[str, Triangles] = {}
     moved: dict[str, bpy.types.Mesh] = {}
     for item, _ in _instances(scene):

@@ -12,8 +12,8 @@ from .workers.cards import BACKENDS, Cards, pick, read_chosen_cards
 def select_cards() -> list[str]:
     """Number and name of each graphics card that Cycles is to render on, such as "0: Name".
 
-    They are those of ``read_chosen_cards``, or all. Selects them, and their backend, in the preferences of this
-    session, which are not saved. Raises IcyMoonError if a chosen one is not there.
+    They are the cards of ``read_chosen_cards``, or all. Selects them and their backend in the preferences of this
+    session, which are not saved. Raises IcyMoonError if a chosen card is missing.
     """
     add_on = bpy.context.preferences.addons.get("cycles")
     if add_on is None:

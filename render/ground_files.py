@@ -1,4 +1,4 @@
-"""What is written of the ground of a scene: maps as GeoTIFF; meshes as PLY, OBJ, USD and glTF; the frame of both."""
+"""Files of the ground of a scene: maps as GeoTIFF; meshes as PLY, OBJ, USD and glTF; the frame of both."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def describe_frame(settings: Settings) -> str:
 
 
 def frame_facts(settings: Settings, ground: Mapping[str, Any]) -> dict[str, Any]:
-    """The site's frame, for a file beside those of the ground; ``ground`` is its report, with its place on a map."""
+    """The site's frame, for a file beside the ground's files; ``ground`` is its report, with its place on a map."""
     place = map_facts(ground)
     zero = (f"the height {place['height_zero_m']!r} m of the ground's file" if place else
             "the plane z = 0 of the ground's settings, not a datum of the body")

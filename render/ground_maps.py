@@ -46,8 +46,8 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 class GroundMap:
     """A map of a site, (rows, columns), north first, NaN where there is nothing.
 
-    ``ground_m`` are heights of the ground, ``surface_m`` of what lies on top, rocks included, both above the z = 0 of
-    the site's frame; ``albedo`` (rows, columns, 3) is that of ground and rocks in even light, in the bands R, G, B.
+    ``ground_m`` are heights of the ground, ``surface_m`` of the top surface, rocks included, both above the z = 0 of
+    the site's frame; ``albedo`` (rows, columns, 3) is of ground and rocks in even light, in the bands R, G, B.
     """
 
     extent: Extent
@@ -57,7 +57,7 @@ class GroundMap:
 
 
 def extent_of(built: Built, cell_m: float | None) -> Extent:
-    """The cells that cover a ground: its patch, or what is in the file that it is from.
+    """The cells that cover a ground: its patch, or the bounding box of a ground from a file.
 
     Raises IcyMoonError for more than ``MOST_CELLS`` along a side.
     """
@@ -70,7 +70,7 @@ def extent_of(built: Built, cell_m: float | None) -> Extent:
         west, south, east, north = -half, -half, half, half
     width, height = east - west, north - south
     cell = cell_m or max(width, height) / CELLS
-    # Less than a millionth of a cell more makes no further one.
+    # An excess of less than a millionth of a cell adds no further cell.
     columns, rows = (max(1, int(np.ceil(side / cell - 1e-6))) for side in (width, height))
     if max(columns, rows) > MOST_CELLS:
         raise IcyMoonError(f"Cells of {cell:g} m are {columns} x {rows} on this ground, more than {MOST_CELLS} along a "
@@ -80,10 +80,10 @@ def extent_of(built: Built, cell_m: float | None) -> Extent:
 
 
 def make_heights(rays: RaysOfScene, extent: Extent) -> np.ndarray:
-    """Heights, float32 (2, rows, columns), of what lies on top and of the ground without rocks, in the site's frame.
+    """Heights, float32 (2, rows, columns), of the ground with rocks and of the ground alone, in the site's frame.
 
-    A height is the median of those at 3 x 3 places of its cell, as matchers' points are gridded by medians. What is not
-    of the ground, such as a lander, is left out.
+    A height is the median of the heights at 3 x 3 places of its cell, as matchers' points are gridded by medians. Other
+    objects, such as a lander, are left out.
     """
     fine = replace(extent, cell_m=extent.cell_m / PLACES, rows=PLACES * extent.rows,
                    columns=PLACES * extent.columns)

@@ -1,4 +1,4 @@
-"""What ``pair.json`` contains of the lander: poses of its links in both eyes, joints, contact, keypoints."""
+"""The lander in ``pair.json``: poses of its links in both eyes, joints, contact, keypoints."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from ..settings.topics.scene import Settings
 from .hidden_pixels import read_depth
 from .pairs.pair_folder import EYES, TRUTH_FILE
 
-#: Metres and sines by which the pose of an object may differ from that of the settings before it counts as moved by
-#: hand: Blender stores single precision.
+#: Metres and sines by which the pose of an object may differ from its pose by the settings before it counts as moved
+#: by hand: Blender stores single precision.
 _ROUNDING = 2e-5
 
 
 def lander_json(built: Built, settings: Settings, poses: Mapping[str, np.ndarray], folder: Path) -> dict[str, Any]:
     """The part "lander" of ``pair.json``, or nothing if there is no lander.
 
-    ``poses`` are the camera-to-world matrices of the rectified eyes, ``folder`` that of the pair's images. Lengths are
+    ``poses`` are the camera-to-world matrices of the rectified eyes, ``folder`` has the pair's images. Lengths are
     metres, cameras have OpenCV's axes.
     """
     objects = {role: item for role, item in built_objects(built.collection).items() if role in ROLES.values()}

@@ -9,7 +9,7 @@ import numpy as np
 
 
 def is_rendered(found: bpy.types.DepsgraphObjectInstance) -> bool:
-    """Whether renders show an instance of an evaluated scene: neither it nor what it is an instance of is hidden."""
+    """Whether renders show an instance of an evaluated scene: neither its object nor its instancer is hidden."""
     shown = [found.object, *([found.parent] if found.parent is not None else [])]
     return bool(found.show_self) and not any(item.original.hide_render for item in shown)
 

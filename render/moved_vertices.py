@@ -104,10 +104,10 @@ def _find_heights(mesh: bpy.types.Mesh, vertices: np.ndarray, place: np.ndarray,
 
 
 def _group_corners(mesh: bpy.types.Mesh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of each corner the group of corners that move together; of each group its vertex, and the normal (3) that it
+    """For each corner, the group of corners that move together; for each group, its vertex, and the normal (3) that it
     moves along.
 
-    A group is a vertex. Only where edges are sharp or the mesh has normals of its own, Cycles makes a vertex for each
+    A group is a vertex. Only where edges are sharp or the mesh has custom normals, Cycles makes a vertex for each
     normal, and moves them apart.
     """
     corners = read_corners(mesh)

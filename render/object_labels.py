@@ -59,7 +59,7 @@ def _make_grey_material() -> bpy.types.Material:
 
 @contextmanager
 def lend_labels(scene: bpy.types.Scene) -> Iterator[None]:
-    """Every surface in the scene has a semantic label, and every object an instance label of its own.
+    """Every surface in the scene has a semantic label, and every object its own instance label.
 
     Pass indices that the user set are kept. Raises IcyMoonError if there are more objects than labels.
     """

@@ -31,7 +31,7 @@ from .plans.planned_pair import PlannedPair
 
 
 def light_json(built: Built, source: str) -> dict[str, Any]:
-    """The sky as it stands: that of ``light.directions_from``, the ``source``, or as the user has turned its lamp."""
+    """The sky as it stands: by ``source``, the value of ``light.directions_from``, or as the user turned its lamp."""
     facts = built.sky
     sun = read_scene_sun(built.sun, facts["sun"], source)
     facts["sun"] = sun.to_json()
@@ -49,14 +49,14 @@ def _eye_pose(pose: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     return turned
 
 
-#: What files of ``quality.files`` COMPACT have lost, in words.
+#: The loss of files with ``quality.files`` COMPACT, in words.
 _COMPACT = ("radiance as 16-bit floats, off by at most 0.05 % or 3e-8, unless 16 bits cannot carry it; normals as "
             "16-bit floats, off by at most 0.03°; no Beauty.Combined where it is the sum of Combined_Sun and "
             "Combined_Planet; all else in 32 bits")
 
 
 def _channels(truth: str, files: str) -> dict[str, Any]:
-    """What the images contain with this ``quality.truth`` and these ``quality.files``, in words."""
+    """The content of the images with this ``quality.truth`` and these ``quality.files``, in words."""
     light: dict[str, Any] = {"radiance": "W/(m² sr), linear, in the bands R, G, B at 620, 550, 460 nm: over all "
                                          "wavelengths, if all light were as bright, relative to sunlight, as there",
                              "depth": "planar Z in m at pixel centres, sky 1e10",
@@ -72,7 +72,7 @@ def _channels(truth: str, files: str) -> dict[str, Any]:
 
 
 def _left_out(built: Built, settings: Settings, indirect: dict[str, Any] | None) -> list[str]:
-    """What is not rendered, with why light is traced where that shows only in the scene or the image."""
+    """The parts that are not rendered, and why light is traced if only the scene or the image shows the reason."""
     sentences = find_left_out(settings, built.sky)
     traced = [traced_sentence(indirect["why"])] if indirect and "why" in indirect else []
     return [*sentences, *(each for each in traced if each not in sentences)]
@@ -81,10 +81,10 @@ def _left_out(built: Built, settings: Settings, indirect: dict[str, Any] | None)
 def pair_json(built: Built, planned: PlannedPair, poses: dict[str, np.ndarray], light: dict[str, Any],
               files: dict[str, Any], seconds: dict[str, float], denoiser: str,
               indirect: dict[str, Any] | None) -> dict[str, Any]:
-    """The content of ``pair.json``, but for what is known only when it is finished.
+    """The content of ``pair.json``, except for facts that are known only when it is finished.
 
-    ``light`` is of ``light_json``, ``denoiser`` what the images went through, ``indirect`` what is to be stated of
-    baked light, if anything.
+    ``light`` is from ``light_json``, ``denoiser`` is the denoiser that was used, ``indirect`` the statement about baked
+    light, if any.
     """
     settings, workspace = planned.settings, describe_workspace(planned.settings.workspace)
     camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)

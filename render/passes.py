@@ -26,8 +26,8 @@ def _enable_passes(layer: bpy.types.ViewLayer, *passes: str) -> None:
 
 
 def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = False) -> None:
-    """Give a new scene what all its renders have: stereo views, file output (32-bit multilayer OpenEXR, a file for each
-    eye), value passes, with ``baked`` those of baked light and its error and, with ``light_groups``, a pass for each
+    """Set up a new scene for all its renders: stereo views, file output (32-bit multilayer OpenEXR, a file for each
+    eye), value passes, with ``baked`` also for baked light and its error and, with ``light_groups``, a pass for each
     group.
 
     The passes must stay as they are as long as Cycles keeps the scene: its shaders write them without asking again
@@ -53,7 +53,7 @@ def prepare_scene(scene: bpy.types.Scene, light_groups: bool, baked: bool = Fals
         view.use = view.name in ("left", "right")
     compat.use_multilayer_exr(render.image_settings)
     render.image_settings.color_depth = "32"
-    # What is written here is read once, changed and removed; a pair's files are compressed as they are put together.
+    # These files are read once, changed and removed; a pair's files are compressed as they are put together.
     render.image_settings.exr_codec = "NONE"
     render.image_settings.views_format = "INDIVIDUAL"
     render.use_file_extension = True
@@ -71,7 +71,7 @@ _TRUTH_PASSES = _FIRST_SAMPLE | {"FULL": ("use_pass_z", "use_pass_normal", "use_
 def choose_layer(scene: bpy.types.Scene, name: str, stem: Path, truth: str) -> dict[str, Path]:
     """Let the next render be ``BEAUTY`` or ``TRUTH``, and return the files, by eye, that it will write at ``stem``.
 
-    ``truth`` is what is wanted of it, as in ``quality.truth``. All but FULL comes with the radiance.
+    ``truth`` is the wanted truth, as in ``quality.truth``. All but FULL comes with the radiance.
     """
     layer = scene.view_layers[0]
     layer.name = name
@@ -79,7 +79,7 @@ def choose_layer(scene: bpy.types.Scene, name: str, stem: Path, truth: str) -> d
         _enable_passes(layer, "use_pass_combined", *_FIRST_SAMPLE[truth])
     else:
         scene.cycles.samples = 1
-        scene.cycles.max_bounces = 0  # what light does after the first hit is not looked at
+        scene.cycles.max_bounces = 0  # light after the first hit is not used
         scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
         _enable_passes(layer, "use_pass_combined", *_TRUTH_PASSES[truth])
     scene.render.filepath = str(stem)

@@ -1,4 +1,4 @@
-"""What the Blender that runs this can do, as one JSON line."""
+"""Prints the abilities of the Blender that runs this, as one JSON line."""
 
 from __future__ import annotations
 

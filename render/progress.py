@@ -16,8 +16,8 @@ _SAMPLE = re.compile(r"Sample (\d+)/(\d+)")
 class SampleCounter:
     """Fraction of a stereo render that is done, from Cycles' status lines.
 
-    Cycles renders the radiance of both eyes, then the truth of both, so many times as it is called for; each run
-    counts its samples from 0 to its own total. ``seconds`` is the time between these status lines.
+    Cycles renders the radiance of both eyes, then ``truths`` times the truth of both; each run counts its samples from
+    0 to its own total. ``seconds`` is the time between these status lines.
     """
 
     def __init__(self, samples: int, truths: int = 1) -> None:

@@ -1,7 +1,7 @@
 """The triangles that Cycles traces of a scene, with their places and labels, for rays of our own.
 
-Blender evaluates the objects of a view layer for its window. What a render would show otherwise, or what is no mesh, is
-refused with a reason; Cycles then renders the truth too.
+Blender evaluates the objects of a view layer for its window. An object that a render would show otherwise, or that is
+no mesh, is refused with a reason; Cycles then renders the truth too.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ class RaysOfScene:
             stage.ground_tracer.place(stage.ground)
 
     def _look(self) -> None:
-        """Read what the scene shows now, as far as it has changed."""
+        """Read the scene again, as far as it has changed."""
         items = [item for item in self._scene.objects if item.type not in _NO_SURFACE]
         meshes = [(item.name_full, item.data.as_pointer(), item.hide_render) for item in items]
         standing = [tuple(map(tuple, item.matrix_world)) for item in items]
@@ -113,7 +113,7 @@ class RaysOfScene:
             self._stage = Stage(ground, self._stage.ground_tracer, sky, self._stage.sky_tracer)
 
     def _open(self) -> Stage:
-        """What has been read, with trees."""
+        """The stage of the scene as it was read, with trees."""
         if self._stage is None:
             ground, sky = self._worlds()
             tracers = [open_tracer(world, compat.library_folders(), TreeTracer) for world in (ground, sky)]
@@ -121,7 +121,7 @@ class RaysOfScene:
         return self._stage
 
     def _worlds(self) -> tuple[World, World]:
-        """What is near, and the sky."""
+        """The world of all near objects, and the world of the sky."""
         made: tuple[list[Placed], list[Placed]] = [], []
         for part in self._parts:
             assert part.shape is not None
@@ -170,8 +170,8 @@ class _Found:
 def _find(scene: bpy.types.Scene, read: bool) -> _Found:
     """The meshes of a scene with their places.
 
-    Shapes are read if ``read``, but those of moved meshes, whose vertices are found in a scene of their own: then what
-    is evaluated here is gone.
+    With ``read`` shapes are read, except of moved meshes. Their vertices are found in a separate scene, which discards
+    the objects that are evaluated here.
     """
     made = _Found()
     points: dict[str, np.ndarray] = {}
@@ -218,7 +218,7 @@ def _check(item: bpy.types.Object) -> None:
 
 
 def _number(item: bpy.types.Object, found: bpy.types.DepsgraphObjectInstance, points: dict[str, np.ndarray]) -> int:
-    """The label of an instance: of a rock that of its point, of another object its pass index. Raises CannotTrace."""
+    """The label of an instance: its point's label for a rock, its pass index otherwise. Raises CannotTrace."""
     parent = found.parent.original if found.is_instance and found.parent is not None else None
     if parent is None or INSTANCE_ATTRIBUTE not in getattr(parent.data, "attributes", ()):
         return int(item.original.pass_index)

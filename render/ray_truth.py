@@ -23,8 +23,8 @@ def trace_truth(stage: Stage, stem: Path, camera: StereoCamera, poses: Mapping[s
     """Write the truth that is ``wanted``, as in ``quality.truth``, into files at ``stem``, the passes ``rounded`` as
     16-bit floats, and return the files by eye. It asks nothing of Blender, which may render meanwhile.
 
-    ``poses`` are the camera-to-world matrices (4, 4) of the parallel eyes; with ``toed`` they are turned in. What is
-    nearer or further away than ``clip_m`` has no truth.
+    ``poses`` are the camera-to-world matrices (4, 4) of the parallel eyes; with ``toed`` they are turned in. Surfaces
+    nearer or further away than ``clip_m`` have no truth.
     """
     columns, rows = camera.rendered_px
     eyes = {eye: Eye(columns, rows, camera.focal_px, camera.cx_px + camera.margin_x_px,
@@ -42,8 +42,8 @@ def trace_truth(stage: Stage, stem: Path, camera: StereoCamera, poses: Mapping[s
 def trace_beside(stage: Stage | None, wanted_files: Mapping[int, tuple[Path, bool]], camera: StereoCamera,
                  poses: Mapping[str, np.ndarray], clip_m: tuple[float, float], wanted: str,
                  rounded: Collection[str]) -> Iterator[dict[int, Future[dict[str, Path]]]]:
-    """Trace truths in a thread while something else is done. ``wanted_files`` are of each the stem of its files and
-    whether its eyes are turned in; for the rest see ``trace_truth``. Without a ``stage`` there are none.
+    """Trace truths in a thread while something else is done. ``wanted_files`` has the stem of the files of each truth,
+    and whether its eyes are turned in; for the rest see ``trace_truth``. Without a ``stage`` nothing is traced.
 
     Cycles lets other threads run while it renders, and its own are not all busy all the time.
     """
@@ -53,7 +53,7 @@ def trace_beside(stage: Stage | None, wanted_files: Mapping[int, tuple[Path, boo
             for number, (stem, toed) in wanted_files.items()}
 
 
-#: Passes by ``quality.truth``; all of them if it is none of these.
+#: Passes by ``quality.truth``; all passes for another value.
 _PASSES = {"DEPTH": ("Depth",), "SEMANTIC": ("Depth", "Material Index")}
 
 

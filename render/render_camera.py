@@ -1,7 +1,7 @@
 """The camera that images are taken with: a copy of the built one.
 
-The built camera is the parallel rig without blur, and stays that. What would disturb the user in the scene is given to
-the copy only: where Cycles samples a pixel, overscan, toe-in, depth of field and motion.
+The built camera is the parallel rig without blur, and stays that. Only the copy gets the changes that would disturb the
+user in the scene: the place where Cycles samples a pixel, overscan, toe-in, depth of field and motion.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from ..physics.camera.stereo_camera import StereoCamera
 #: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
 #: that ``quality`` sets: half a bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.
 SAMPLE_OFFSET_PX = 5.4e-4
-#: Parts of a lens; what it has of Cycles' own is a part until 4.5.
+#: Parts of a lens; Cycles' own properties are a part until 4.5.
 _PARTS = ("stereo", "dof", "cycles")
 _OF_ANY_DATABLOCK = {prop.identifier for prop in bpy.types.ID.bl_rna.properties}
 
 
 @contextmanager
 def add_render_camera(scene: bpy.types.Scene, built: bpy.types.Object) -> Iterator[None]:
-    """Give ``scene`` a camera of its own, for ``set_up_camera`` to turn into copies of the ``built`` one.
+    """Give ``scene`` a separate camera, which ``set_up_camera`` turns into copies of the ``built`` one.
 
-    One for all takes: when an object comes or goes Cycles builds its scene again, when one changes it does not.
+    All takes share it: Cycles builds its scene again when an object comes or goes, but not when one changes.
     """
     lens = bpy.data.cameras.new(built.data.name)
     item = bpy.data.objects.new(built.name, lens)
@@ -107,7 +107,7 @@ def _set_frame(scene: bpy.types.Scene, lens: bpy.types.Camera, camera: StereoCam
 
 @contextmanager
 def shift_frame(scene: bpy.types.Scene, columns: float) -> Iterator[None]:
-    """Move the frame of the camera of ``scene`` to the right by so many of its pixels."""
+    """Move the frame of the camera of ``scene`` to the right by ``columns`` of its pixels."""
     lens = scene.camera.data
     before = lens.shift_x
     lens.shift_x = before + columns / scene.render.resolution_x

@@ -70,11 +70,11 @@ _JUDGED = "left"
 
 @contextmanager
 def open_render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
-    """A scene of its own that shows the built collection under a black sky, for any number of pairs.
+    """A separate scene that shows the built collection under a black sky, for any number of pairs.
 
     The user's scene is never changed for a render, so nothing has to be restored; this one is removed at the end
     whatever happens. As long as no object is added or removed, Cycles keeps its tree of triangles for the next render,
-    such as that of the truth after the radiance, unless there are too many.
+    such as the truth after the radiance, unless there are too many triangles.
     """
     scene = bpy.data.scenes.new("Icy Moon Render")
     sky = build_sky("Icy Moon Render Sky")
@@ -86,25 +86,25 @@ def open_render_scene(built: Built, frame: int) -> Iterator[bpy.types.Scene]:
         with add_render_camera(scene, built.camera), lend_labels(scene):
             yield scene
     finally:
-        scene.render.use_persistent_data = False  # which frees what is kept
+        scene.render.use_persistent_data = False  # frees the data that Cycles keeps
         bpy.data.scenes.remove(scene)
         bpy.data.worlds.remove(sky)
 
 
 def _triangle_count(built: Built) -> int:
-    """Triangles of the collection's meshes; those of instances once."""
+    """Triangles of the collection's meshes; a mesh with several instances counts once."""
     meshes = {item.data for item in built.collection.all_objects if isinstance(item.data, bpy.types.Mesh)}
     return sum(len(mesh.loops) - 2 * len(mesh.polygons) for mesh in meshes)
 
 
 def _turn_head(built: Built, turn_deg: float) -> AbstractContextManager[None]:
-    """Turn what the cameras are in with them, if there is a lander."""
+    """Turn the lander's head with the cameras in it, if there is a lander."""
     head = built_objects(built.collection).get(ROLES[HEAD])
     return turn_about_eye(head, turn_deg, built.camera) if head is not None else nullcontext()
 
 
 def check_space(dataset: Path, pairs: list[PlannedPair], again: bool = False) -> None:
-    """Raise IcyMoonError if the folder cannot be made or its disk has no room for what is left of the pairs."""
+    """Raise IcyMoonError if the folder cannot be made or its disk has no room for the pairs that are left."""
     check_no_link(folder_of_pairs(dataset), dataset / CLAIMS_FOLDER, dataset / LIGHT)
     with explain_disk_errors("write to", dataset):
         dataset.mkdir(parents=True, exist_ok=True)
@@ -172,7 +172,7 @@ def check_camera(built: Built) -> None:
 
 @dataclass(frozen=True)
 class _CameraSetup:
-    """Renders with one camera: which layers, and what the file of each is called, with {} for the eye."""
+    """Renders with one camera: its layers, and the name of each layer's file, with {} for the eye."""
 
     blur: Blur | None
     toed: bool
@@ -180,12 +180,12 @@ class _CameraSetup:
 
 
 def _is_full(planned: PlannedPair) -> bool:
-    """Whether truth is a render of its own."""
+    """Whether truth is a separate render."""
     return planned.settings.quality.truth == "FULL"
 
 
 def _camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> list[_CameraSetup]:
-    """What to render: radiance and truth with one camera, unless truth is of another camera than the light."""
+    """The renders by camera: radiance and truth with one camera, unless truth has another camera than the light."""
     toed = camera.toe_in_deg != 0
     if blur is None and not toed:
         images = ((BEAUTY, "{}.exr"), (TRUTH, "{}.exr")) if full else ((BEAUTY, "{}.exr"),)
@@ -214,7 +214,7 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
         stage, engine = _choose_engine(rays, settings, takes)
         clip_m = built.camera.data.clip_start, built.camera.data.clip_end
         lights = separate_lights.light_passes(scene, built)
-        # What moves during a render is not kept from one to the next, nor are surfaces that change between them.
+        # Objects that move during a render are not kept for the next one, nor are surfaces that change in between.
         scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system
                                             and _triangle_count(built) <= MOST_KEPT_TRIANGLES)
         truths = 0 if stage else (sum(layer == TRUTH for take in takes for layer, _ in take.images)
@@ -261,8 +261,8 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
 
 def _choose_engine(rays: RaysOfScene, settings: Settings,
                    takes: list[_CameraSetup]) -> tuple[Stage | None, dict[str, str]]:
-    """What rays of our own find the truth on, None if Cycles renders it; and what a pair states of it, nothing if it
-    comes with the radiance."""
+    """The stage on which rays of our own find the truth, None if Cycles renders it; and the pair's statement about
+    that, empty if truth comes with the radiance."""
     if all(layer == BEAUTY for take in takes for layer, _ in take.images):
         return None, {}
     if settings.quality.truth_by == "CYCLES":
@@ -283,7 +283,7 @@ def _write_workspace(path: Path, rays: RaysOfScene, workspace: WorkspaceSettings
 
 def _render_radiance(scene: bpy.types.Scene, built: Built, lights: list[separate_lights.LightPass], stem: Path,
                      planned: PlannedPair) -> dict[str, Path]:
-    """Render radiance into files of their own, by eye; lights that need it one after the other, and added up."""
+    """Render radiance into separate files, by eye; lights that need it one after the other, and added up."""
     files: dict[str, Path] = {}
     for number, light in enumerate(lights):
         made = passes.choose_layer(scene, BEAUTY, stem.with_name(f"{stem.name}-{number}"),
@@ -302,8 +302,8 @@ def _render_radiance(scene: bpy.types.Scene, built: Built, lights: list[separate
 
 def _render_truth(scene: bpy.types.Scene, built: Built, stem: Path, planned: PlannedPair, camera: StereoCamera,
                   toed: bool) -> dict[str, Path]:
-    """Render truth into files of its own, by eye. What is hidden from the other eye is part of it for parallel eyes,
-    unless depth is all that is wanted."""
+    """Render truth into separate files, by eye. For parallel eyes full truth includes the pixels that are hidden from
+    the other eye."""
     files = passes.choose_layer(scene, TRUTH, stem, planned.settings.quality.truth)
     between: dict[str, list[np.ndarray]] = {eye: [] for eye in files}
     with separate_lights.disable_osl(scene), unlit.switch_lights_off(scene):
@@ -327,7 +327,7 @@ def _render_truth(scene: bpy.types.Scene, built: Built, stem: Path, planned: Pla
 
 @contextmanager
 def _render_depth_alone(scene: bpy.types.Scene, built: Built) -> Iterator[None]:
-    """Render what is read once and removed: without surfaces where that saves time."""
+    """Render depth that is read once and removed: without surfaces where that saves time."""
     pixels = scene.render.resolution_x * scene.render.resolution_y
     kept = scene.render.use_persistent_data
     too_many = kept and _triangle_count(built) > unlit.MOST_TRIANGLES_A_PIXEL * pixels

@@ -1,4 +1,4 @@
-"""Scenes that are rendered one after the other in this process, each reusing what it can of the one before."""
+"""Scenes that are rendered one after the other in this process, each reusing parts of the one before."""
 
 from __future__ import annotations
 

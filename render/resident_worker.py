@@ -1,7 +1,7 @@
-"""The worker that stays: it renders job after job, and each scene reuses what it can of the one before.
+"""The worker that stays: it renders job after job, and each scene reuses parts of the one before.
 
 Whoever started it puts a file into its inbox for each job, named by the number of the job and containing the path of
-the job's file. Its standard input, into which nothing is written, is only what tells it that its starter has ended.
+the job's file. Nothing is written to its standard input, whose end tells it that its starter has ended.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ from .plans.planned_pair import PlannedPair
 from .ray_stage import RaysOfScene
 from .render_pair import check_camera, open_render_scene
 
-#: What a pair is rendered in: what is built, the scene to render, the seconds that it took to build.
+#: The scene of a pair: the built objects, the scene to render, the seconds that building took.
 PreparedScene = tuple[Built, bpy.types.Scene, float]
 
 
@@ -34,7 +34,8 @@ class FixedScene:
     """A built scene that is rendered as it is, with all that the user has changed in it."""
 
     def __init__(self, built: Built, frame: int, seconds_build: float) -> None:
-        """Raises IcyMoonError if the scene shows a preview or its camera is none for stereo."""
+        """Raises IcyMoonError if the scene shows a preview, or if its camera was changed by hand, see ``check_camera``.
+        """
         if built.preview:
             raise IcyMoonError("The scene shows a preview; press Build Scene and render again.")
         check_camera(built)
@@ -63,7 +64,7 @@ class FixedScene:
 
 
 class ScenesFromSettings:
-    """Scenes built from settings. Each reuses what it can of the one before."""
+    """Scenes built from settings. Each scene reuses parts of the one before."""
 
     def __init__(self, warn: Callable[[str], None], extra: str = "") -> None:
         """``warn`` is told each warning once; ``extra`` counts for the pairs' ids beside their description."""
@@ -88,7 +89,7 @@ class ScenesFromSettings:
         cycles_settings.check_possible(planned.settings.quality)
         refused_scenes.refuse(planned.settings)
         shared = before is not None and _same_scene_and_light(before.settings, planned.settings)
-        if not shared:  # what Cycles keeps is of no use any more
+        if not shared:  # the data that Cycles keeps are of no use any more
             self._held.close()
             self._warn_once(cost_warnings(planned.settings))
         built, kept = adapt_scene(before, planned.settings)

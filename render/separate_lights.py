@@ -22,8 +22,8 @@ from ..nodes.surface import sun_inputs
 
 @dataclass(frozen=True)
 class LightPass:
-    """What gives light in one of the renders of an image: the roles that are left out, and the light group of what
-    surfaces give by themselves; None for as the scene has it."""
+    """The light in one of the renders of an image: the roles that are left out, and the light group of the light that
+    surfaces give by themselves; None leaves that as in the scene."""
 
     dark: tuple[str, ...] = ()
     group: str | None = None
@@ -74,8 +74,8 @@ def use_light(built: Built, light: LightPass) -> Iterator[None]:
 
 @contextmanager
 def disable_osl(scene: bpy.types.Scene) -> Iterator[None]:
-    """Open Shading Language is off, as truth needs it; what is made of it, which rays would pass through then, is a
-    plain surface."""
+    """Open Shading Language is off, as truth needs it. Surfaces made with it, which rays would pass through then, are
+    plain surfaces."""
     if not scene.cycles.shading_system:
         yield
         return

@@ -7,15 +7,15 @@ from mathutils.bvhtree import BVHTree
 
 from ..rays.shapes import Hits, World, cross, dot, normalize
 
-#: Rays in a row that are asked together what they may meet. They start at the same point, or each is alone.
+#: Rays in a row that are tested together for the spheres they may meet. They start at one point, or each is alone.
 _TOGETHER = 16
-#: Rays traced at a time, a multiple of that: what Blender tells of one takes 500 bytes.
+#: Rays traced at a time, a multiple of that: Blender's answer for a ray takes 500 bytes.
 _MOST_RAYS = 2**16
 #: Spheres in the next greater one.
 _GROUP = 8
 #: Parts of the spheres' axes that their order tells apart, as bits.
 _BITS = 10
-#: Share by which spheres are greater than what is in them, more than single precision is off.
+#: Share by which spheres are greater than their contents, more than the error of single precision.
 _SPARE = 1e-5
 #: Cosine of half the angle between rays from which on they are asked about everything.
 _WIDE = 0.1

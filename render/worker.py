@@ -57,8 +57,8 @@ def render_from(source: FixedScene | ScenesFromSettings, pairs: list[PlannedPair
 
     A pair that is already complete is not rendered again unless ``again``. ``send(type, **facts)`` receives
     ``progress`` (``fraction`` of all pairs, ``message``, ``pair``) and ``pair`` messages. With ``keep_going`` it
-    receives ``error`` messages that name their ``pair``, and what another process is rendering is left to it;
-    else IcyMoonError is raised. What the disk refuses is raised always.
+    receives ``error`` messages that name their ``pair``, and pairs that another process is rendering are left to it;
+    else IcyMoonError is raised. Errors of the disk are always raised.
     """
     check_space(dataset, pairs, again)
     claims = Claims(dataset)
@@ -73,7 +73,7 @@ def render_from(source: FixedScene | ScenesFromSettings, pairs: list[PlannedPair
                         _render_one(source, planned, dataset, send, shared, again, k, len(pairs))
                 except IcyMoonError as error:
                     if claims.is_lost(planned.id) and keep_going:
-                        continue  # who has it now has also cleared away what was begun here
+                        continue  # its new holder has also removed the files that were begun here
                     if isinstance(error, DiskError) or not keep_going:
                         raise
                     send("error", message=str(error), pair=planned.id)
@@ -124,7 +124,7 @@ def _first_settings(job: dict[str, Any]) -> Settings:
 
 
 def _repeat_text(job: dict[str, Any]) -> str:
-    """What tells the pairs of another repeat apart."""
+    """A text that distinguishes the pairs of another repeat."""
     return f" repeat {job['repeat']}" if job.get("repeat") else ""
 
 
@@ -143,7 +143,7 @@ def run_job(job: dict[str, Any], send: Send = emit) -> None:
 
 
 def _open_blend(job: dict[str, Any]) -> tuple[Built, int, list[PlannedPair]]:
-    """What is built in a .blend file, the frame it shows, and its pairs."""
+    """The built scene of a .blend file, the frame that it shows, and its pairs."""
     try:
         bpy.ops.wm.open_mainfile(filepath=job["blend"], load_ui=False, use_scripts=False)
     except RuntimeError as error:
@@ -174,7 +174,7 @@ def run_to_exit(run: Callable[[], None], describe_no_memory: Callable[[], str]) 
 
     Leaves by ``os._exit``, since the Blender module may crash or hang when the interpreter ends.
     """
-    end_at_interrupt()  # what is not finished has no final name
+    end_at_interrupt()  # unfinished files have no final name
     status = 1
     try:
         scene_properties.register()

@@ -43,10 +43,10 @@ MOST_TEXT, LONGEST_LINE = 2**26, 2**16
 MOST_TOML, _MOST_PARTS, _MOST_TABLES = 4_000_000, 10, 400_000
 #: Lists and tables, and values, of one JSON text: some 100 bytes each once they are read, and 40.
 _MOST_LISTS, _MOST_VALUES = 1_000_000, 5_000_000
-#: Each byte of a file may be read so many times; formats whose tables lead to their data need two.
+#: How many times each byte of a file may be read; formats whose tables lead to their data need two.
 _MOST_READINGS = 4
-#: Digits and bits of the largest whole number of a TOML file, which a float can hold; a line with more hexadecimal
-#: digits is at least so long.
+#: Digits and bits of the largest whole number of a TOML file, which a float can hold; a line with a larger hexadecimal
+#: number has more characters than the last number here.
 _MOST_DIGITS, _MOST_BITS, _LEAST_DIGITS = 308, 1023, 255
 #: Bytes that are split into lines at a time, at least.
 _LEAST_PART = 2**16
@@ -208,11 +208,11 @@ class ForeignBytes:
 
 def read(path: Path, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: str, most: int = MOST_BYTES,
          memory: int = MOST_MEMORY) -> Parsed:
-    """What ``parse`` makes of a file.
+    """The result of ``parse`` for a file.
 
     ``kind`` names the format with its article, as in "a PLY file"; ``fix`` is an imperative without a full stop.
-    ``most`` limits the bytes of the file, ``memory`` what the parser charges. Raises IcyMoonError, one sentence, if the
-    file is missing, no regular file, too large, or not as the parser needs it.
+    ``most`` limits the bytes of the file, ``memory`` the bytes that the parser charges. Raises IcyMoonError, one
+    sentence, if the file is missing, no regular file, too large, or not as the parser needs it.
     """
     try:
         stream = system.retry(lambda: system.open_regular(path))
@@ -231,7 +231,7 @@ def read(path: Path, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: st
 
 def parse_part(data: bytes, where: object, parse: Callable[[ForeignBytes], Parsed], kind: str, fix: str,
                memory: int = MOST_MEMORY) -> Parsed:
-    """What ``parse`` makes of bytes that are in memory. ``where`` names their file. Raises as ``read`` does."""
+    """The result of ``parse`` for bytes in memory. ``where`` names their file. Raises as ``read`` does."""
     with explained(where, kind, fix):
         return parse(ForeignBytes(data, len(data), Budget(memory)))
 
@@ -276,7 +276,7 @@ def reason_of(error: Exception) -> str:
 
 
 def read_regular(path: Path, most: int) -> bytes:
-    """The content of a regular file. Raises OSError if there is none, ValueError if it has more than ``most`` bytes."""
+    """The content of a regular file. Raises OSError if it is absent, ValueError if it has more than ``most`` bytes."""
     def read_all() -> bytes:
         with system.open_regular(path) as stream:
             return stream.read(most + 1)
@@ -288,7 +288,7 @@ def read_regular(path: Path, most: int) -> bytes:
 
 
 def read_end(path: Path, most: int) -> bytes:
-    """The last ``most`` bytes of a regular file, or all. Raises OSError if there is none."""
+    """The last ``most`` bytes of a regular file, or all. Raises OSError if it is absent."""
     with system.open_regular(path) as stream:
         stream.seek(max(0, stream.seek(0, io.SEEK_END) - most))
         return stream.read(most)
@@ -336,9 +336,10 @@ def _split(parts: Iterable[bytes], end: bytes, longest: int) -> Iterator[tuple[i
 def parse_json(text: str | bytes) -> Any:
     """The content of a JSON text.
 
-    Raises ValueError for what is not JSON, has a number that is not finite, or more than ``_MOST_VALUES`` values.
+    Raises ValueError for a text that is not JSON, has a number that is not finite, or more than ``_MOST_VALUES``
+    values.
     """
-    # Each bracket and comma is one more value at the most; those in texts count too, of which files have few.
+    # Each bracket and comma is one more value at the most. Brackets and commas in texts count too; files have few.
     if isinstance(text, bytes):
         lists, commas = text.count(b"[") + text.count(b"{"), text.count(b",")
     else:
@@ -416,8 +417,8 @@ def _refuse_long_numbers(data: dict[str, Any]) -> None:
 def parse_xml(text: str, budget: Budget | None = None) -> ElementTree.Element:
     """The root of an XML text without entities. Its elements and attributes are charged to ``budget``, if given.
 
-    Raises ValueError for a document type, which may define entities that unfold without end or name other files, and
-    for what is no XML.
+    Raises ValueError for a text that is no XML, and for a document type, which may define entities that unfold without
+    end or name other files.
     """
     if "<!DOCTYPE" in text.upper() or "<!ENTITY" in text.upper():
         raise ValueError("it has a document type, whose entities may grow without end")
@@ -440,7 +441,7 @@ def whole_numbers(text: bytes) -> np.ndarray:
 
 
 def inflate(data: bytes, size: int, budget: Budget | None = None) -> bytes:
-    """The ``size`` bytes that zlib packed. Raises ValueError if they are not so many."""
+    """The ``size`` bytes that zlib packed. Raises ValueError for another number of bytes."""
     if budget is not None:
         budget.charge(size, "packed data")
     unpacker = zlib.decompressobj()

@@ -116,7 +116,7 @@ def _without_nan(data: Any) -> Any:
 
 
 def flush() -> None:
-    """Print what is still kept back. Raises as ``say`` does."""
+    """Print the text that is still kept back. Raises as ``say`` does."""
     _write(sys.stdout, "")
     with suppress(OSError):
         _write(sys.stderr, "")

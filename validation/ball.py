@@ -49,8 +49,8 @@ def ball_mesh(rings: int = _RINGS) -> tuple[np.ndarray, np.ndarray]:
 class BallImage:
     """The left image of a ball: ``radiance_factor`` I/F (H, W), 0 beside it, and angles (H, W) in radians.
 
-    Incidence, emission and azimuth are those of the true sphere at the centre of each pixel, NaN beside it.
-    ``pixel_area`` is that of a pixel over that of the disc.
+    Incidence, emission and azimuth are of the true sphere at the centre of each pixel, NaN beside it. ``pixel_area`` is
+    the area of a pixel over the area of the disc.
     """
 
     phase: float
@@ -62,7 +62,7 @@ class BallImage:
 
     @property
     def brightness(self) -> float:
-        """Brightness of the whole disc over that of a white, facing Lambert disc."""
+        """Brightness of the whole disc over the brightness of a white, facing Lambert disc."""
         return float(self.radiance_factor.sum() * self.pixel_area)
 
 
@@ -70,8 +70,8 @@ def render_ball(bench: Bench, surface: Sequence[Settings], phases_deg: Sequence[
                 pixels: int = 160, samples: int = 16) -> list[list[BallImage]]:
     """Images of a ball for each description of a surface, in the order of the phase angles (0 to 176 degrees).
 
-    ``distance`` is that of the camera in radii. The finite distance changes the phase angle across the disc by up to
-    1 / distance.
+    ``distance`` is the distance of the camera in radii. As it is finite, the phase angle changes across the disc by up
+    to 1 / distance.
     """
     mesh = bench.folder / "ball.ply"
     if not mesh.is_file():

@@ -1,7 +1,7 @@
-"""What a comparison is: its rows, what it may use, and how a user adds one.
+"""A comparison: its rows, the bench that it works on, and how a user adds one.
 
-A comparison gives rows. Each has a number of ours, the number that it is held against, the largest difference that
-counts as agreement, and the source. A number that a preset was fitted to shows nothing but the fit, so a row states it.
+A comparison gives rows. Each row has a number of ours, the number that it is held against, the largest difference that
+counts as agreement, and the source. A number that a preset was fitted to tests only the fit, so its row states that.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Row:
         return LIKELY if self.why.startswith("Likely cause") else EXPLAINED
 
     def to_json(self) -> dict[str, Any]:
-        """The row as plain values, null for what is not finite."""
+        """The row as plain values, null for numbers that are not finite."""
         ours, theirs = (value if math.isfinite(value) else None for value in (self.ours, self.theirs))
         return {"quantity": self.quantity, "ours": ours, "theirs": theirs, "allowed": self.allowed,
                 "unit": self.unit, "fitted": self.fitted, "verdict": self.verdict, "source": self.source,
@@ -78,9 +78,9 @@ Say = Callable[[dict[str, Any]], None]
 
 @dataclass(frozen=True)
 class Bench:
-    """What a comparison may use: a folder for its files, a Blender, and whether it is to be ``quick``.
+    """The means of a comparison: a folder for its files, a Blender, and whether it is to be ``quick``.
 
-    ``polar`` is the user's folder of the POLAR data, None if there is none.
+    ``polar`` is the user's folder of the POLAR data, None without these data.
     """
 
     folder: Path
@@ -92,7 +92,7 @@ class Bench:
     def render(self, described: Sequence[Settings]) -> list[Pair]:
         """The first pair of each of these complete descriptions, rendered in one worker.
 
-        What is already in the folder is not rendered again. Raises IcyMoonError if one cannot be rendered.
+        Pairs that are already in the folder are not rendered again. Raises IcyMoonError if one cannot be rendered.
         """
         dataset = self.folder / "renders"
         planned = [expand_headings(settings, content(settings))[0] for settings in described]
@@ -112,11 +112,11 @@ class Bench:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A comparison: ``name`` on the command line, title and a paragraph for the page, and what makes its rows.
+    """A comparison: ``name`` on the command line, title and a paragraph for the page, and the function for its rows.
 
-    One that is not ``quick`` is left out of a quick run; the others may look at fewer cases there. One that ``needs``
-    data names the option that gives their folder; without it, a run of all comparisons leaves it out. ``figure`` is a
-    picture of the page, in Markdown, that was made with the tables.
+    A comparison that is not ``quick`` is left out of a quick run; the others may look at fewer cases there. ``needs``
+    names the option that gives the folder of its data; without that option, a run of all comparisons leaves it out.
+    ``figure`` is a picture of the page, in Markdown, that was made with the tables.
     """
 
     name: str
@@ -136,7 +136,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Result:
-    """What a comparison found, in seconds; ``error`` is a sentence if it could not be made."""
+    """The rows that a comparison found, and the seconds it took; ``error`` is a sentence if it could not be made."""
 
     comparison: Comparison
     rows: tuple[Row, ...]
@@ -155,7 +155,7 @@ class Result:
 
 
 def run_comparison(comparison: Comparison, bench: Bench) -> Result:
-    """Make a comparison in a folder of its own below that of the bench. A failure is a result too."""
+    """Make a comparison in its own folder below the folder of the bench. A failure is a result too."""
     start = time.perf_counter()
     rows: tuple[Row, ...] = ()
     error = ""

@@ -146,7 +146,7 @@ def albedo_without_surge(law: photometry.Law) -> float:
 
 
 def _europa_rows() -> list[Row]:
-    """What is published of Europa beside albedos at the presets' 0.55 µm."""
+    """Rows of published numbers of Europa other than albedos at the presets' 0.55 µm."""
     whole, plains, dark = (preset_law(f"surfaces/hapke_europa_{name}")
                            for name in ("global", "bright_plains", "dark_lineae"))
     colour, error = europa_over_green(470.0)
@@ -184,7 +184,7 @@ def _europa_rows() -> list[Row]:
 
 
 def _mixed_rows(name: str, share: float, plains: photometry.Law, dark: photometry.Law, why: str) -> list[Row]:
-    """Rows of a terrain that is a mixture: what it was fitted to, and the nearest that is measured."""
+    """Rows of a terrain that is a mixture: the number that it was fitted to, and the nearest measured ones."""
     law, preset = preset_law(f"surfaces/hapke_europa_{name}"), f"`hapke_europa_{name}`"
     mixed = (1 - share) * reflectance_at_five(plains) + share * reflectance_at_five(dark)
     disc = (1 - _CHAOS) * photometry.bond_albedo(plains) + _CHAOS * photometry.bond_albedo(law)

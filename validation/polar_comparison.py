@@ -41,7 +41,7 @@ _LEAST_SHADOW_M = 0.15
 _SOURCE = "POLAR-Sim's outlines by hand of NASA's photographs"
 _SURVEY = "POLAR-Sim's survey"
 _WHO = {"L": "left", "R": "right"}
-#: Colours of the pictures: rock, shadow, what is neither.
+#: Colours of the pictures: rock, shadow, the rest.
 _COLOURS = np.array([[70, 70, 80], [235, 235, 225], [20, 30, 140]], np.uint8)
 
 
@@ -57,7 +57,7 @@ class Masks:
 
 
 def compare(bench: Bench) -> list[Row]:
-    """The rows of every terrain of the folder. Raises IcyMoonError if there is none or it cannot be used."""
+    """The rows of every terrain of the folder. Raises IcyMoonError without a folder, or if it cannot be used."""
     if bench.polar is None:
         raise IcyMoonError(f"No folder of the POLAR data is given; pass --polar FOLDER: {WHERE}.")
     terrains = read_terrains(bench.polar)
@@ -201,9 +201,9 @@ def _median(values: list[float]) -> float:
 
 
 def _labelled_reach(ends: np.ndarray, outlines: list[np.ndarray]) -> float | None:
-    """How far a labelled shadow reaches from the foot toward our tip, as a share of the way; None if it has none.
+    """How far a labelled shadow reaches from the foot toward our tip, as a share of the way; None without one.
 
-    It is that of the outline which holds the middle of our shadow. Shadows that run into the next one are left out.
+    The outline that holds the middle of our shadow counts. Shadows that run into the next one are left out.
     """
     foot, tip = ends
     way = tip - foot

@@ -99,7 +99,7 @@ def describe_scene(scene: Scene) -> Settings:
 
 
 def write_facets(mesh: Path, target: Path) -> None:
-    """Write a mesh of an export again with three vertices of its own for each triangle, so that nothing smooths it.
+    """Write a mesh of an export again with three separate vertices for each triangle, so that nothing smooths it.
 
     Triangles are larger by a thousandth: vertices in one place would be merged, and gaps would let light through.
     """
@@ -116,9 +116,9 @@ def _describe_facets(scene: Scene, mesh: Path) -> Settings:
 
 
 def _render_in_mitsuba(folder: Path, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Radiance (H, W) and depth (H, W) of an exported scene, rendered in a process of its own.
+    """Radiance (H, W) and depth (H, W) of an exported scene, rendered in a separate process.
 
-    Mitsuba ends its process if it does not get on with LLVM. Raises IcyMoonError if it is not installed or fails.
+    Mitsuba ends its process if it cannot use the LLVM library. Raises IcyMoonError if it is not installed or fails.
     """
     if importlib.util.find_spec("mitsuba") is None:
         raise IcyMoonError('Mitsuba is not installed; run pip install "icymoon[validate]".')

@@ -1,4 +1,4 @@
-"""A ball of a preset's surface rendered in Cycles, beside what the formula gives for it by integration."""
+"""A ball of a preset's surface rendered in Cycles, beside the integral of the formula over a sphere."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ def _equigonal(factors: list[float], phases_deg: list[float]) -> float:
 def _mirror_point(image: BallImage) -> float:
     """I/F where incidence and emission are half of the phase angle: the mean of the pixels within 2 degrees of it.
 
-    The mean over a small round patch is that of its middle but for the curvature of the law there, 1e-3 of it.
+    The mean over a small round patch differs from the value at its middle by the curvature of the law there, 1e-3 of
+    it.
     """
     half = image.phase / 2
     near = (np.hypot(image.incidence - half, image.emission - half) < np.radians(2.0)) & (

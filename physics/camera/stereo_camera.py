@@ -19,8 +19,8 @@ class StereoCamera:
     The principal point is in pixel-corner coordinates: pixel (column u, row v) has its centre at
     (u + 0.5, v + 0.5), so a ray through it is ((u + 0.5 - cx) / f, (v + 0.5 - cy) / f, 1).
 
-    This is the rig that truth and rectified images are of. Images were taken with eyes that may be turned in, by
-    ``toe_in_deg`` each, and rendered with the margins as extra pixels beyond each border.
+    Truth and rectified images belong to this rig. Images were taken with eyes that may each be turned in by
+    ``toe_in_deg``, and rendered with the margins as extra pixels beyond each border.
     """
 
     width_px: int
@@ -32,7 +32,7 @@ class StereoCamera:
     margin_x_px: int = 0
     margin_y_px: int = 0
     toe_in_deg: float = 0.0
-    #: Column of the right principal point less that of the left one; 0 in ours, not in Middlebury's.
+    #: Column of the right principal point minus the left one's; 0 in our pairs, not in Middlebury's.
     doffs_px: float = 0.0
 
     @classmethod
@@ -55,7 +55,7 @@ class StereoCamera:
 
     @property
     def rectified(self) -> StereoCamera:
-        """The parallel rig by itself, whatever the images were taken with."""
+        """The parallel rig of the pair, without margins or toe-in."""
         return replace(self, margin_x_px=0, margin_y_px=0, toe_in_deg=0.0)
 
     @property
@@ -64,7 +64,7 @@ class StereoCamera:
         return self.width_px + 2 * self.margin_x_px, self.height_px + 2 * self.margin_y_px
 
     def eye_rotation(self, eye: str) -> np.ndarray:
-        """Rotation (3, 3) from the axes of the parallel rig into those of the eye, which is turned toward the other."""
+        """Rotation (3, 3) from the axes of the parallel rig into the eye's, which is turned toward the other eye."""
         angle = math.radians(self.toe_in_deg) * (1 if eye == "left" else -1)
         return np.array([[math.cos(angle), 0.0, -math.sin(angle)], [0.0, 1.0, 0.0],
                          [math.sin(angle), 0.0, math.cos(angle)]])
@@ -85,7 +85,7 @@ class StereoCamera:
         return self.focal_baseline_px_m / np.asarray(depth_m, np.float64) - self.doffs_px
 
     def depth(self, disparity_px: np.ndarray) -> np.ndarray:
-        """Planar depth in metres of disparities in px; NaN where there is none in front of the camera."""
+        """Planar depth in metres of disparities in px; NaN for disparities that no point before the camera has."""
         reach = np.asarray(disparity_px, np.float64) + self.doffs_px
         with np.errstate(over="ignore", invalid="ignore"):
             ahead = reach > 0

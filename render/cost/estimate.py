@@ -36,8 +36,8 @@ from ..plans.planned_pair import PlannedPair
 from ..plans.triangles import count_triangles
 from .speed import Speed, wall_seconds
 
-#: Processor seconds, 2-core x86 server, Blender 5.0 (``benchmarks/plan_cost.py``): what starts workers, a worker, a
-#: build, that of ground from a file, a pair.
+#: Processor seconds, 2-core x86 server, Blender 5.0 (``benchmarks/plan_cost.py``): of the process that starts workers,
+#: of starting a worker, of building a scene, of building ground from a file, of a pair.
 _START_S, _WORKER_S = 1.0, 1.5
 _SCENE_S, _BUILD_S_PER_MTRI, _ROCKS_BUILD_S, _FILE_BUILD_S = 0.2, 0.7, 0.6, 1.15
 _PAIR_S, _PAIR_S_PER_MTRI, _ROCKS_PAIR_S = 0.05, 0.6, 0.4
@@ -49,21 +49,21 @@ _TRUTH_S_PER_MPX, _RAYS_S_PER_MTRI = {"CYCLES": 5.6, "RAYS": 1.7}, 1.0
 @dataclass(frozen=True)
 class _LightBytes:
     """Bytes of light per pixel that shows ground, of images of 160 columns (``benchmarks/disk.py``). Light of ice in
-    sunlight is the same in three bands, so it takes a third of what it could; samples add values, to the most."""
+    sunlight is the same in three bands, so it takes a third of its full size; samples add bytes, up to ``most``."""
 
     one_sample: float
     per_doubling: float
     most: float
     denoised: float
-    sun: float  # of the light groups, over those of the whole light
+    sun: float  # light groups as factors on the bytes of the whole light
     planet: float
-    coloured: float  # of a planet with colours of its own, whose light is not the same in three bands
+    coloured: float  # the same for a planet in colours, whose light differs between the three bands
 
 
 @dataclass(frozen=True)
 class _NormalBytes:
-    """Bytes of normals per pixel, alike. Those of facets are the same on all pixels of one: with edges of e pixels on
-    the screen they take the fraction 1 - exp(-a e^b) of the ``most``."""
+    """Bytes of normals per pixel that shows ground. The normal of a facet is the same on all its pixels: with edges of
+    e pixels on the screen, normals take the fraction 1 - exp(-a e^b) of ``most``, with a ``edges`` and b ``power``."""
 
     shading: float
     most: float
@@ -86,7 +86,7 @@ STATED_BYTES = 25e3
 _LOWEST_DEG = 15.0
 #: Normals of facets by rays, over those by Cycles, which have an alpha of 1 too.
 _FACETS_OF_RAYS = 0.87
-#: Neighbours in larger images are more alike: bytes of twice the columns over those of one.
+#: Neighbours in larger images are more alike: factor on the bytes per pixel for twice the columns.
 _DOUBLE_WIDTH = 0.982
 #: Cost of a sample over that with Lambert's law and shaded relief, without the relief. Bounces count for little: on
 #: open ground most paths end in the sky.
@@ -95,19 +95,19 @@ _MODELS = {"LAMBERT": 0.75, "LOMMEL_SEELIGER": 0.75, "LUNAR_LAMBERT": 0.8, "PRIN
 _HAPKE_NODES, _HAPKE_REFERENCE = 1.15, 3.45
 _RELIEF, _RELIEF_CAMERA = 0.25, 0.21  # added by shaded relief, and where the camera alone meets it
 _TRANSMISSION, _ROCKS = 0.3, 0.6  # added by clear ice and rocks
-#: Added by images on the ground, of which Lambert's law reads colour and normals only; a mesh's own image adds the last
-#: share of it.
+#: Added by images on the ground, and with Lambert's law, which reads only their colour and normals. A mesh's own image
+#: adds the last number as a share of that.
 _IMAGES, _IMAGES_LAMBERT, _OWN_IMAGE = 2.9, 0.6, 0.3
 #: Cost that subsurface scattering adds, whatever its length, and the weight at which it adds half of it.
 _WALK, _BURLEY, _HALF = 12.0, 0.5, 0.5
-#: Cycles' own least samples under a noise threshold t are 16 t^-0.3; beyond them a pixel of noise s of one sample takes
-#: (s / t)². Here s is that of bare ice in sunlight, the mean over its pixels.
+#: Cycles takes at least 16 t^-0.3 samples under a noise threshold t. Beyond them a pixel takes (s / t)², where s is the
+#: noise of one sample: here the mean over the pixels of bare ice in sunlight.
 _LEAST, _LEAST_POWER, _SAMPLE_NOISE = 16.0, -0.3, 0.2
-#: Scenes whose triangles are counted; the others are taken to have as many on the mean.
+#: Maximum number of scenes whose triangles are counted; the others are taken to have their mean.
 _COUNTED = 6
-#: Triangles of a ground that nobody has counted.
+#: Triangles of a ground that were not counted.
 _UNCOUNTED = 1e6
-#: Pairs of the data set that are looked at for what they took.
+#: Maximum number of complete pairs of the data set whose times are read.
 _MOST_READ = 400
 #: Standard deviations of the logarithm: of the whole before a pair is known (another machine, this one), of one pair.
 _BEFORE, _BEFORE_HERE, _ONE_PAIR = math.log(3.0) / 2, math.log(1.6) / 2, 0.25
@@ -116,8 +116,8 @@ _UNKNOWN_DEVICE = math.log(30.0) / 2  # a graphics card
 
 @dataclass(frozen=True)
 class Work:
-    """What a pair asks of the machine: pixels of both eyes, samples, cost of one relative to Lambert's law, whether
-    it is denoised, the processor seconds of a megapixel of the truth, and whether there are rocks."""
+    """The work of a pair: pixels of both eyes, samples, cost of a sample relative to Lambert's law, whether the image
+    is denoised, the processor seconds of a megapixel of the truth, and whether there are rocks."""
 
     pixels: int
     samples: float
@@ -127,7 +127,7 @@ class Work:
     rocks: bool = False
 
     def seconds(self, triangles: float) -> float:
-        """Processor seconds of the pair in a scene of so many triangles that is there."""
+        """Processor seconds of the pair in a scene of ``triangles`` triangles that is already built."""
         mpx = self.pixels / 1e6
         return _PAIR_S + _ROCKS_PAIR_S * self.rocks + _PAIR_S_PER_MTRI * triangles / 1e6 + mpx * (
             _S_PER_MPX + self.truth_s_per_mpx + _DENOISE_S_PER_MPX * self.denoised
@@ -136,7 +136,7 @@ class Work:
 
 
 def work_of(settings: Settings) -> Work:
-    """What a pair with these complete settings asks of the machine."""
+    """The work of a pair with these complete settings."""
     quality = image_quality(settings)
     topics, coverage = surface_topics(settings), settings.rocks.coverage
     weights = (1.0,) if len(topics) == 1 else (1.0 - coverage, coverage)
@@ -168,7 +168,7 @@ def bytes_of(settings: Settings) -> float:
     if light.planet or light.stars:
         beside = 0.0 if quality.files == "COMPACT" and not denoised else seen
         seen = beside + (stored.sun + (stored.coloured if coloured else stored.planet)) * noisy
-    copies = 1 + (settings.rig.toe_in_deg != 0)  # the rectified rig's truth, and that of eyes that are turned
+    copies = 1 + (settings.rig.toe_in_deg != 0)  # the truth of the rectified rig, and of eyes that are turned in
     truth = _DEPTH + _shape(settings, _NORMALS[NORMAL_PASS in rounded]) if quality.truth == "FULL" else _DEPTH
     larger = _DOUBLE_WIDTH ** math.log2(settings.rig.width_px / 160.0)
     return pixels_of(settings) * (larger * (1.0 - sky_fraction(settings)) * (seen + copies * truth) + _REST)
@@ -187,8 +187,8 @@ def _shape(settings: Settings, stored: _NormalBytes) -> float:
 
 
 def _edge_px(settings: Settings) -> float:
-    """Edge of a triangle as large as a facet of ground that is not graded, where the camera looks; 0 if that is not
-    known before it is read."""
+    """Edge in px of a triangle as large as a facet of ground that is not graded, where the camera looks; 0 if that is
+    unknown before the ground is read."""
     rig, source = settings.rig, settings.source
     if source.kind == "PROCEDURAL":
         edge_m = math.sqrt(2.0) * settings.terrain.size_m / (settings.terrain.resolution - 1)
@@ -249,12 +249,12 @@ def scene_seconds(settings: Settings, triangles: float) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a plan asks for and what is left to do of it.
+    """The work of a plan, and the part of it that is left to do.
 
-    ``geometries``, ``surfaces`` and ``lights`` are how many different ones there are, ``scenes`` how many are built.
-    ``seconds`` are of processor time, ``left_s`` those of the pairs that are not there; it lies between ``left_s``
-    divided and multiplied by ``factor`` in 19 of 20 cases, and takes ``left_wall_s`` on the clock. ``measured`` pairs
-    have corrected it; before, it rests on ``basis``.
+    ``geometries``, ``surfaces`` and ``lights`` are numbers of different ones, ``scenes`` is the number of builds.
+    ``seconds`` are processor seconds of all pairs, ``left_s`` of the pairs that are not there. The true value lies
+    between ``left_s`` divided and multiplied by ``factor`` in 19 of 20 cases, and takes ``left_wall_s`` on the clock.
+    ``measured`` is the number of complete pairs that have corrected the estimate; without any, it rests on ``basis``.
     """
 
     pairs: int
@@ -333,11 +333,11 @@ def estimate(pairs: Sequence[PlannedPair], dataset: Path | None = None, speed: S
 
 def _processor_seconds(pairs: Sequence[PlannedPair], scenes: Mapping[str, str], triangles: Mapping[str, float],
                        expected: Mapping[str, float], lit: Set[str]) -> float:
-    """Processor seconds, on the machine of the coefficients, of ordered pairs of ``scenes`` of so many ``triangles``,
-    each ``expected`` to take so many in a scene that is there.
+    """Processor seconds of ordered pairs on the machine of the coefficients.
 
-    Workers start for their jobs, each builds the scenes of its own, and baked light is made once, if it is not among
-    that which is ``lit``.
+    ``scenes`` is the scene of each pair, ``triangles`` the number of triangles of each scene, and ``expected`` the
+    seconds of each pair in a scene that is already built. A worker starts for each job and builds the scenes of that
+    job. Light is baked once, unless it is among the light that is ``lit`` already.
     """
     seconds = _START_S if pairs else 0.0
     baked = set(lit)
@@ -357,7 +357,7 @@ def _processor_seconds(pairs: Sequence[PlannedPair], scenes: Mapping[str, str], 
 
 
 def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed: Speed | None) -> tuple[float, float]:
-    """Seconds on this machine and bytes of so many pairs on so many grounds, of which ``some`` have these settings.
+    """Seconds on this machine and bytes of a number of ``pairs`` and ``grounds``, from the settings of ``some`` pairs.
 
     Takes some milliseconds, because no triangles are counted and no pair of the data set is read.
     """
@@ -368,7 +368,7 @@ def estimate_roughly(some: Sequence[Settings], pairs: int, grounds: float, speed
 
 
 def _count_triangles_of_all(scenes: Mapping[str, PlannedPair]) -> dict[str, float]:
-    """Triangles of each scene: those of a few, evenly chosen, and the mean of these of the others."""
+    """Triangles of each scene: counted for a few, evenly chosen; the others get the mean of these."""
     names = list(scenes)
     counted: dict[str, float] = {}
     for k in range(min(_COUNTED, len(names))):
@@ -386,7 +386,7 @@ def _read_pairs(pairs: Sequence[PlannedPair], dataset: Path,
     """The ``pair.json`` of complete pairs, of up to ``_MOST_READ`` of them."""
     found = []
     for pair in [pair for pair in pairs if pair.id in there][:_MOST_READ]:
-        with suppress(IcyMoonError):  # verify reports what is wrong with it
+        with suppress(IcyMoonError):  # verify reports the fault of such a pair
             found.append((pair, read_pair(pair.folder(dataset)).data))
     return found
 
@@ -414,7 +414,7 @@ def spread_before(speed: Speed | None, gpu: bool) -> float:
 def _corrected(ratios: Sequence[float], speed: Speed | None, gpu: bool) -> tuple[float, float]:
     """The factor on the expected seconds, and the standard deviation of its logarithm.
 
-    Normal distributions of the logarithm: what was known before, and what each pair adds.
+    The logarithm is the weighted mean of normal distributions: one known before, and one for each pair.
     """
     before = spread_before(speed, gpu) ** -2
     each = _ONE_PAIR**-2
@@ -433,8 +433,8 @@ def count_bytes_left(pairs: Sequence[PlannedPair], dataset: Path, again: bool = 
 
 def _count_bytes(pairs: Sequence[PlannedPair], left: Sequence[PlannedPair], dataset: Path | None,
                  there: set[str]) -> float:
-    """Bytes that are left to write: as many as expected, times what those that are there had over theirs, and light
-    that is baked for those that are left."""
+    """Bytes that are left to write: the expected bytes of the pairs that are left, corrected by the complete pairs, and
+    the light that is baked for the pairs that are left."""
     known = [(sum(float(f["bytes"]) for f in facts["files"].values()), bytes_of(pair.settings))
              for pair, facts in (_read_pairs(pairs, dataset, there) if dataset is not None else ())]
     expected = sum(bytes_of(pair.settings) for pair in left)

@@ -19,14 +19,14 @@ from .abilities import ask_abilities
 from .estimate import work_of
 from .speed import Speed, remember_speed
 
-#: What is rendered: all that a pair has (both eyes, interreflection, denoiser, truth, files), in some 4 processor
-#: seconds. The first pair of a process pays for what a graphics card compiles, so only the others count.
+#: The small render: all parts of a pair (both eyes, interreflection, denoiser, truth, files), in some 4 processor
+#: seconds. The first pair of a process includes the compilation for a graphics card, so only the others count.
 _SMALL_RENDER: dict[str, dict[str, Any]] = {
     "rig": {"width_px": 320, "height_px": 240}, "mesh": {"error_px": 4.0, "edge_px": 24.0},
     "surface": {"model": "LAMBERT"}, "quality": {"samples": 8, "denoiser": "OIDN"}, "dataset": {"headings": 3}}
-#: Share of the processors that is taken to be at work at least.
+#: Least share of the processors that is taken to be at work.
 _LEAST_BUSY = 0.5
-#: What is read of a rendered pair.
+#: The part of ``pair.json`` that is read.
 _PAIR = {"seconds": {"render": NUMBER, "write": NUMBER}, "cpu_seconds": {"pair": NUMBER}, "versions": {"blender": TEXT}}
 
 
@@ -37,10 +37,10 @@ def small_render(device: str, denoiser: bool = True) -> Settings:
 
 
 def read_speed(pairs: list[Path], device: str, denoiser: bool = True) -> Speed:
-    """What pairs of ``small_render`` took: the fastest but the first, for other work may slow any of them down.
+    """The speed by the pairs of ``small_render``: by the fastest after the first, for other work may slow any down.
 
-    Half of the processors are taken to be at work at least: where a pair took longer, other work had them, or the pair
-    is too small for so many. Raises IcyMoonError if they cannot be read.
+    At least half of the processors are taken to be at work: if a pair took longer, other work had them, or the pair is
+    too small for all processors. Raises IcyMoonError if the pairs cannot be read.
     """
     settings = small_render(device, denoiser)
     expected = work_of(settings).seconds(count_triangles(settings))

@@ -22,19 +22,19 @@ from .speed import Speed, wall_seconds
 @dataclass(frozen=True)
 class QualityPreset:
     """A way to compute the light of a scene: wall seconds of a further pair, between ``seconds`` divided and
-    multiplied by ``factor`` in 19 of 20 cases, and what was measured of its error, see ``errors``."""
+    multiplied by ``factor`` in 19 of 20 cases, and its measured ``errors``, see ``list_qualities``."""
 
     name: str
     title: str
     seconds: float
     factor: float
     errors: Mapping[str, Any]
-    lacks: str = ""  # what the Blender lacks for it, with the fix
+    lacks: str = ""  # the ability that the Blender lacks for it, with the fix
     chosen: bool = False  # whether the scene is described with it
 
     @property
     def cost(self) -> str:
-        """Such as '12 s (8 s to 18 s)', or what the Blender lacks for it."""
+        """Such as '12 s (8 s to 18 s)', or the ability that the Blender lacks for it."""
         if self.lacks:
             return self.lacks
         low, high = duration_text(self.seconds / self.factor), duration_text(self.seconds * self.factor)
@@ -55,8 +55,8 @@ class QualityPreset:
 
 
 def pair_seconds(settings: Settings, triangles: float, speed: Speed | None) -> tuple[float, float]:
-    """Wall seconds of a further pair of a scene of so many triangles, and the factor that they may be off by. Light
-    that is baked where a pair sees it counts; light that all pairs share does not."""
+    """Wall seconds of a further pair of a scene of ``triangles`` triangles, and the factor by which they may be off.
+    Light that is baked for the view of one pair counts; light that all pairs share does not."""
     settled = settle_indirect(settings, int(settings.dataset.headings))
     work = work_of(settled).seconds(triangles)
     if is_baked(settled) and settled.quality.bake_area == "VIEW":
@@ -67,10 +67,10 @@ def pair_seconds(settings: Settings, triangles: float, speed: Speed | None) -> t
 
 def list_qualities(settings: Settings, triangles: float, speed: Speed | None,
                    able: Abilities = Abilities()) -> list[QualityPreset]:  # noqa: B008, it is frozen
-    """The shipped qualities for a scene, cheapest first, then its own. Each names what a Blender with these abilities
-    lacks for it.
+    """The shipped qualities for a scene, cheapest first, then its own. Each one names the ability that a Blender with
+    the abilities ``able`` lacks for it.
 
-    ``errors`` are those of the preset's file: ``sgbm_px`` added to the mean error of SGBM, ``radiance_rms`` and
+    ``errors`` are from the preset's file: ``sgbm_px`` added to the mean error of SGBM, ``radiance_rms`` and
     ``radiance_bias`` as fractions of the mean radiance, the ``scene`` and the ``command`` that measured them.
     """
     found = []

@@ -1,8 +1,8 @@
-"""How fast this machine is: what ``measure_speed`` found, and the file that keeps it. Imports no Blender.
+"""The speed of this machine as ``measure_speed`` found it, and the file that keeps it. Imports no Blender.
 
 Two numbers per computer, device, version of Blender and number of processors: the processor seconds that a pair took
-over those that ``estimate`` expects, and the share of the processors that were at work. The file is in the user's cache
-folder, so that the window and the command line share it.
+over the seconds that ``estimate`` expects, and the share of the processors that were at work. The file is in the user's
+cache folder, so that the window and the command line share it.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from ...system import count_processors
 
 @dataclass(frozen=True)
 class Speed:
-    """What was measured: processor seconds that a pair takes here over those that ``cost`` expects, and the share of
-    the processors that are ``busy`` meanwhile. With a graphics card all seconds of all processors count as busy."""
+    """A measured speed: the ``factor`` of a pair's processor seconds here over the seconds that ``estimate`` expects,
+    and the share of the processors that are ``busy`` meanwhile. With a graphics card all processors count as busy."""
 
     factor: float
     device: str
@@ -44,7 +44,7 @@ _BUSY = 0.85
 
 
 def wall_seconds(processor_s: float, speed: Speed | None) -> float:
-    """Seconds on the clock of so many processor seconds, which ``speed.factor`` has corrected."""
+    """Seconds on the clock of ``processor_s`` processor seconds, which ``speed.factor`` has already corrected."""
     return processor_s / (count_processors() * (speed.busy if speed else _BUSY))
 
 
@@ -66,7 +66,7 @@ def _key(device: str, blender: str, count: int) -> str:
 
 def recall_speed(device: str, blender: str = "") -> Speed | None:
     """The speed of this computer's ``device`` (CPU or GPU) with as many processors as there are now, in one version of
-    Blender or, if none is named, the one measured last; None if there is none."""
+    Blender or, if none is named, the one measured last; None if it was not measured."""
     known = [(key, Speed(**{name: entry[name] for name in _SPEED})) for key, entry in _read_speeds().items()
              if not find_fault(entry, _SPEED)]
     found = [speed for key, speed in known

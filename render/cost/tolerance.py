@@ -1,6 +1,6 @@
-"""The stereo error that a quality may add to that of an image without noise. Imports no Blender.
+"""The stereo error that a quality may add to the error of an image without noise. Imports no Blender.
 
-The limits of what the user may ask for, in the command line and in the window.
+The same limits hold in the command line and in the window.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ from dataclasses import dataclass
 
 from ...errors import IcyMoonError
 
-#: Mean disparity error, px: what is asked for if nothing is, the least and the most.
+#: Mean disparity error, px: its default, least and most.
 PX, PX_LEAST, PX_MOST = 0.02, 1e-4, 10.0
-#: Fraction of the pixels that are missing or off by more than 1 px, a fraction: the same.
+#: Fraction of the pixels that are missing or off by more than 1 px: its default, least and most.
 BAD_1, BAD_1_LEAST, BAD_1_MOST = 0.005, 1e-5, 0.5
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """What may be added at most, None for anything: the mean disparity error in px, and the fraction of the pixels that
-    are missing or off by more than 1 px, a fraction."""
+    """The largest error that may be added, None for any: the mean disparity error in px, and the fraction of the pixels
+    that are missing or off by more than 1 px."""
 
     epe_px: float | None
     wrong_or_missing: float | None

@@ -82,7 +82,7 @@ class Variant:
 
     @property
     def key(self) -> str:
-        """A text that identifies the variant among those of a scene."""
+        """A text that identifies the variant among the variants of a scene."""
         return f"{self.group}: {self.name}"
 
 
@@ -253,11 +253,11 @@ def _isotropic_hapke(settings: Settings) -> dict[str, Any]:
 
 
 def candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> list[Variant]:
-    """Ways to compute the light, cheapest first by what each is expected to cost: for a search that stops at the first
-    one that is good enough. Left out are those that a Blender that is no more than ``able`` cannot render.
+    """Ways to compute the light, cheapest first by their expected cost: for a search that stops at the first one that
+    is good enough. Ways that a Blender with the abilities ``able`` cannot render are left out.
 
-    ``images`` are those of a ground under one Sun, which share what it takes to bake its light; for one image alone it
-    is baked only where it is seen.
+    ``images`` is the number of images of a ground under one Sun, which share the cost of baking its light; for one
+    image alone, light is baked only in its view.
     """
     found = [Variant("auto", f"{count_of(n, 'sample')}{text}", merged(settings, {"quality": {
         "samples": n, "denoiser": denoiser, "noise_threshold": 0.0, **_TRACED}}))
@@ -270,7 +270,7 @@ def candidates(settings: Settings, able: Abilities = _ALL, images: int = 1) -> l
 
 
 def _seconds(settings: Settings, images: int) -> float:
-    """Processor seconds of an image, with its share of what is baked."""
+    """Processor seconds of an image, with its share of the bake."""
     bake = bake_seconds(settings) / images_per_bake(settings, images) if is_baked(settings) else 0.0
     return work_of(settings).seconds(0.0) + bake
 

@@ -1,1 +1,1 @@
-"""The folder of a pair: what it contains, how it takes its place, which files are ours."""
+"""The folder of a pair: its content, how it takes its place, which files are ours."""

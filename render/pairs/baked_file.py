@@ -1,9 +1,9 @@
 """Files of baked light beside the pairs of a data set, for all its workers and resumed runs. Imports no Blender.
 
-A file is ``light/KEY-CONTENT.npz``: the key of what was baked, and the first digits of the SHA-256 checksum of the
-file. So a file that changes no longer has its name. Files of older versions are called ``light/KEY.npz``, and those
-that lack the error have other keys: nobody reads them any more. A file contains numbers only. A link, a file that lacks
-what its key asks for, and a file with another checksum than its reader expects count as absent.
+A file is ``light/KEY-CONTENT.npz``: the key of the bake, and the first digits of the SHA-256 checksum of the file. So a
+file that changes no longer fits its name. Files of older versions are called ``light/KEY.npz``, and files without the
+error have other keys: neither are read any more. A file contains numbers only. A link, a file that lacks the content
+that its key asks for, and a file with another checksum than its reader expects count as absent.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ _HEADERS = 2**16
 class BakedLight:
     """Indirect irradiance over pi at the vertices of a ground, (n, 3) float32, W/(m² sr) in the bands R, G, B.
 
-    ``error`` (n,) float32 is an error with the variance of that of ``values``, the mean of the bands: half of the
-    difference of two bakes of half the samples. ``rocks`` (rocks, terms, 3) float32 are the numbers of
-    ``physics.light.baked_rocks`` for the same on rocks. ``noise`` is the standard error over the mean, from the same
-    two bakes of the ``samples``. ``share`` is the mean over that of all light at the vertices. ``cpu_seconds`` is what
-    it took, which files do not contain.
+    ``error`` (n,) float32 has the same variance as the error of ``values``, for the mean of the bands: it is half of
+    the difference of two bakes of half the samples. ``rocks`` (rocks, terms, 3) float32 are the numbers of
+    ``physics.light.baked_rocks`` for the same light on rocks. ``noise`` is the standard error over the mean, from the
+    same two bakes of the ``samples``. ``share`` is the mean over the mean of all light at the vertices.
+    ``cpu_seconds`` is the processor time of the bake, which files do not contain.
     """
 
     values: np.ndarray
@@ -94,9 +94,9 @@ def _write_bytes(part: Path, data: bytes) -> None:
 
 
 def read(path: Path, key: str, checksum: str, vertices: int, rocks: int = 0) -> BakedLight | None:
-    """The baked light of a ground of so many vertices and rocks, with ``cpu_seconds`` 0, which no file states.
+    """The baked light of a ground with this number of vertices and rocks; ``cpu_seconds`` is 0, as no file states it.
 
-    None if there is no such file with this SHA-256 checksum, or it does not hold such light.
+    None if there is no such file with this SHA-256 checksum, or if it does not hold such light.
     """
     most = 16 * vertices + 12 * TERMS * rocks + _HEADERS
     data = _read_unchanged(path, checksum, most)

@@ -1,8 +1,8 @@
-"""What in a data set's folder is ours: the names that we give, and removal of nothing else. Imports no Blender.
+"""Which files in a data set's folder are ours: the names that we give, and removal of nothing else. Imports no Blender.
 
 A plan, a claim or a folder may have been written by anyone. Every id that is read back is checked before it becomes a
-part of a path, and every removal goes through ``remove_ours``, which proves that its target lies where ours do and is
-what we write.
+part of a path. Every removal goes through ``remove_ours``, which proves that its target lies in one of our folders and
+is something that we write.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from ... import system
 from ...errors import IcyMoonError
 from ...files import is_of_file_manager
 
-#: Folder of a data set with what a program gave as arrays: heights, albedos, rocks.
+#: Folder of a data set for arrays that a program gave: heights, albedos, rocks.
 INPUTS = "inputs"
 _ID = re.compile(r"[0-9a-f]{12}")
 #: What ``files.part_of`` appends: host, process and number.
 _UNFINISHED = r"\.[^/\\]+-\d+-\d+\.part"
 _CLAIM = r"[0-9a-f]{12}\.\d{1,9}"
-#: Names in each of our folders: what may be removed there.
+#: Names in each of our folders that may be removed.
 _OUR_NAMES = {
     "": re.compile(rf"(plan\.jsonl|manifest\.json|\.icymoon){_UNFINISHED}"),
     "pairs": re.compile(rf"[0-9a-f]{{12}}({_UNFINISHED})?|\.clock{_UNFINISHED}"),
@@ -47,7 +47,7 @@ def folder_of_pair(dataset: Path, name: str) -> Path:
 
 
 def checked_id(value: Any, where: object) -> str:
-    """A pair's id as it was read from ``where``. Raises IcyMoonError if it is none."""
+    """A pair's id as it was read from ``where``. Raises IcyMoonError if the value is no id."""
     if not isinstance(value, str) or not _ID.fullmatch(value):
         raise IcyMoonError(f"{where} names a pair {str(value)[:40]!r}, and a pair's id is 12 of the digits 0 to 9 and "
                            "a to f; the file was changed or is not ours, take another.")
@@ -55,7 +55,7 @@ def checked_id(value: Any, where: object) -> str:
 
 
 def is_unfinished(path: Path) -> bool:
-    """Whether a name is one that we give to what is not whole yet."""
+    """Whether a name is one that we give to an unfinished file or folder."""
     return bool(re.fullmatch(rf".+{_UNFINISHED}", path.name))
 
 
@@ -65,7 +65,7 @@ def is_of_a_pair(path: Path) -> bool:
 
 
 def is_claim(path: Path) -> bool:
-    """Whether a name is that of a claim."""
+    """Whether a name is the name of a claim."""
     return bool(re.fullmatch(_CLAIM, path.name))
 
 
@@ -94,7 +94,7 @@ def find_reason_to_keep(path: Path, dataset: Path) -> str:
     kind = "pairs/*" if _ID.fullmatch(inside.removeprefix("pairs/")) else inside
     if kind not in _OUR_NAMES or not _OUR_NAMES[kind].fullmatch(path.name):
         return "its name is not one that Icy Moon gives"
-    # Links, of the folder or of what holds it, lead to what may be anyone's.
+    # A link, in its place or above it, may lead to anyone's files.
     if path.is_symlink() or path.resolve() != dataset.resolve() / inside / path.name:
         return "it is a link or lies behind one"
     if path.is_dir() and inside != "pairs":
@@ -104,7 +104,10 @@ def find_reason_to_keep(path: Path, dataset: Path) -> str:
 
 
 def list_foreign(folder: Path) -> list[str]:
-    """The names of what is in a pair's folder and we did not write, links too, or of what is there in its place."""
+    """Names in a pair's folder that we did not write, links too.
+
+    If something else is in the folder's place, its only name is a phrase for sentences about it.
+    """
     if not folder.is_dir():
         return ["what is"] if folder.exists() else []
     return [entry.name for entry in sorted(folder.iterdir())
@@ -113,7 +116,7 @@ def list_foreign(folder: Path) -> list[str]:
 
 
 def remove_ours(path: Path, dataset: Path) -> bool:
-    """Remove something of ours from a data set; whether nothing is there any more. What is not ours stays."""
+    """Remove something of ours from a data set; whether nothing is there any more. Anything that is not ours stays."""
     with suppress(OSError):
         if not find_reason_to_keep(path, dataset):
             if path.is_dir():

@@ -1,10 +1,9 @@
 """The pair folder: the contract between rendering and everything that measures.
 
-``<dataset>/pairs/<id>/`` holds ``left.exr``, ``right.exr`` and ``pair.json``, of images that are blurred or of eyes
-that are toed in also the truth in files of its own. A pair is written as
-``<id>.part`` and renamed when ``pair.json`` is in it, so a folder without the suffix that has a
-``pair.json`` is complete. Images are linear radiance in W/(m² sr) per band; truth is sampled at
-pixel centres and never antialiased. Imports no Blender.
+``<dataset>/pairs/<id>/`` holds ``left.exr``, ``right.exr`` and ``pair.json``; if images are blurred or eyes are toed
+in, the truth is in separate files. A pair is written as ``<id>.part`` and renamed when ``pair.json`` is in it, so a
+folder without the suffix that has a ``pair.json`` is complete. Images are linear radiance in W/(m² sr) per band; truth
+is sampled at pixel centres and never antialiased. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -70,11 +69,11 @@ class Pair:
         return self.folder / f"{eye}.exr"
 
     def truth(self, eye: str) -> Path:
-        """The file with the truth of the parallel rig's eye: a file of its own unless that is what took the image."""
+        """The file with the truth of the parallel rig's eye: the image's file, unless the pair has a separate one."""
         return self._file_or_image(eye, TRUTH_FILE)
 
     def truth_of_image(self, eye: str) -> Path:
-        """The file with the truth of the rendered image's own pixels, which differ where eyes are toed in."""
+        """The file with the truth on the pixels of the rendered image, which differs if the eyes are toed in."""
         return self._file_or_image(eye, TOED_TRUTH_FILE) if self.camera.toe_in_deg else self.truth(eye)
 
     @property
@@ -93,7 +92,7 @@ class Pair:
         return self.data.get("poses_rectified_to_world") or self.data.get("poses_camera_to_world")
 
     def rectified_pose(self, eye: str) -> np.ndarray | None:
-        """The matrix (4, 4) from an eye of the parallel rig, in OpenCV's axes, to the world; None if there is none."""
+        """The matrix (4, 4) from an eye of the parallel rig, in OpenCV's axes, to the world; None without a pose."""
         try:
             pose = np.array(self.rectified_poses[eye], np.float64)  # type: ignore[index]
         except (KeyError, TypeError, ValueError):
@@ -171,7 +170,7 @@ def check_pair(folder: Path, data: Any, restore: Restore = restored) -> Pair:
 
 
 def _check_statements(pair: Pair, path: Path) -> None:
-    """Raise IcyMoonError if what a pair states is not what its settings give."""
+    """Raise IcyMoonError if a pair's statements contradict its settings."""
     try:
         clause = next(_find_contradictions(pair), "")
     except (ValueError, ArithmeticError) as error:
@@ -181,7 +180,7 @@ def _check_statements(pair: Pair, path: Path) -> None:
 
 
 def _find_contradictions(pair: Pair) -> Iterator[str]:
-    """What a pair states and its settings contradict, in clauses."""
+    """The statements of a pair that its settings contradict, in clauses."""
     camera = StereoCamera.from_settings(pair.settings.rig)
     stated = {**pair.data, "camera": {**pair.data["camera"], **asdict(pair.camera)}}
     yield from find_contradictions(stated, pair.settings, {**asdict(camera), **camera.to_json()}, camera.eyes_json())
@@ -222,8 +221,8 @@ def is_whole(folder: Path) -> bool:
 def read_whole(folder: Path) -> dict[str, Any] | None:
     """The content of the ``pair.json`` of a pair that is there, see ``is_whole``; None if there is no such pair.
 
-    A link leads to what is anyone's, so a pair that is one, or has one, is not there. Raises OSError where that cannot
-    be told.
+    A link may lead to anyone's files, so a pair that is a link, or has one, counts as absent. Raises OSError where that
+    cannot be told.
     """
     try:
         path = folder / "pair.json"
@@ -263,7 +262,7 @@ def update_response(folder: Path, settings: Settings) -> None:
     check_no_link(folder, path)
     before = _read_pair_json(path)
     data = _parse(path, before)
-    # As it is read: what came after it was written is no difference.
+    # Compared as they are read: a setting that is newer than the file is no difference.
     if has_response(folder, data, settings):
         return
     now = json_text({**data, "settings": merged(data["settings"], response(settings))})
@@ -274,7 +273,7 @@ def update_response(folder: Path, settings: Settings) -> None:
 def find_pair_folders(path: Path) -> list[Path]:
     """Folders of the complete pairs at ``path``: a pair folder, a ``pairs`` folder or a data set.
 
-    Raises IcyMoonError if there is none.
+    Raises IcyMoonError if it has no complete pair.
     """
     folders = [path.resolve()] if os.path.lexists(path / "pair.json") else sorted(_pairs_in(path))
     if not folders:
@@ -299,7 +298,7 @@ def find_pairs(path: Path) -> list[Pair]:
 
 
 def find_changed_files(pair: Pair) -> list[str]:
-    """Names of the pair's files whose content is no longer what was rendered."""
+    """Names of the pair's files whose content has changed since the render."""
     return [name for name, fact in pair.data["files"].items()
             if not (pair.folder / name).is_file() or sha256(pair.folder / name) != fact["sha256"]]
 

@@ -1,9 +1,9 @@
 """Moves a finished pair to its place, whatever other processes do, and at whatever moment this one ends.
 
-A folder gets its final name by one rename, which fails where something is. Nothing is removed under a name that
-another may have given it: what is in the way is first renamed to a name of our own and checked there, for a
-process that took this one for dead may have just finished it. So a complete pair stays, or lies whole beside its
-place, from where ``resolve_leftover`` puts it back. Imports no Blender.
+A folder gets its final name by one rename, which fails if the place is taken. Nothing is deleted at a path that another
+process may own: a folder in the way is first renamed to a name of our own and checked there, since a process that took
+this one for dead may have just finished it. So a complete pair stays, or lies whole beside its place, from where
+``resolve_leftover`` puts it back. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
     """Make the pair in ``part`` the one at ``folder``, unless a whole one is there; ``again`` replaces that too.
 
     ``lost`` returns whether another process has claimed the pair since, whose pair then stays. Raises IcyMoonError
-    if the disk refuses, what is in the way is not ours, or what was rendered is of no use any more and no pair is
-    there.
+    if the disk refuses, if something that is not ours is in the way, or if the rendered pair was lost and no other one
+    is there.
     """
     aside: list[Path] = []
     with explain_disk_errors("write", folder):
@@ -39,7 +39,7 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
                 with suppress(FileNotFoundError):
                     _try_rename(folder, aside[-1])
                 if not again:
-                    resolve_leftover(aside[-1])  # which is back in its place if it was finished just now
+                    resolve_leftover(aside[-1])  # moves it back into its place if it was finished just now
         except FileNotFoundError:
             pass  # a process that took this one for dead has put the part into its place, or cleared it away
         finally:
@@ -54,8 +54,8 @@ def publish(part: Path, folder: Path, lost: Callable[[], bool], again: bool = Fa
 def resolve_leftover(part: Path) -> None:
     """Move a whole pair that was left beside its place into that place if it is free, and remove anything else.
 
-    What is not ours stays, and is not looked at.
-    Raises OSError where what is there cannot be read; it is left as it is then.
+    Anything that is not ours stays, and is not read. Raises OSError if the leftover cannot be read; it then stays as it
+    is.
     """
     if not is_of_a_pair(part):
         return
@@ -80,7 +80,7 @@ def discard(part: Path) -> None:
 
 
 def check_place(folder: Path) -> None:
-    """Raise IcyMoonError if what is in the place of a pair is not ours to move."""
+    """Raise IcyMoonError if the place of a pair is taken by something that we may not move."""
     if why := find_reason_to_keep(folder, folder.parent.parent):
         raise IcyMoonError(f"{folder} is in the way and stays as it is: {why}; move it, or choose another folder.")
 

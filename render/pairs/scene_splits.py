@@ -55,7 +55,7 @@ def check_splits(splits: Any) -> dict[str, float]:
 def splits_of(dataset: Path) -> dict[str, float]:
     """The shares of splits that the plan of a data set states; ``SPLITS`` if it states none or there is no plan.
 
-    Raises IcyMoonError for a plan that states what are no shares.
+    Raises IcyMoonError for a plan that states invalid shares.
     """
     try:
         text = read(dataset / "plan.jsonl", _parse_plan, "a list of planned pairs", "")
@@ -85,7 +85,7 @@ def split_of_pair(pair: Pair) -> str:
 def split_of(scene: str, splits: Mapping[str, float]) -> str:
     """The split that a scene is in: drawn by its name, so that it stays there whatever else a data set contains.
 
-    The shares are those of many scenes; of a few, a split may get none.
+    The shares hold for many scenes; with a few scenes, a split may stay empty.
     """
     drawn = int(hashlib.sha256(f"split {scene}".encode()).hexdigest()[:12], 16) / 16**12
     end = 0.0

@@ -1,8 +1,8 @@
-"""What ``pair.json`` states and its settings give: both are derived here again and compared.
+"""Checks the statements of ``pair.json``: its settings give the same values, which are derived here again and compared.
 
-Poses and light of a scene that was edited by hand are not those of its settings, so only their parts are compared with
-each other. Directions from kernels cannot be derived without the kernels. What is not stated, as by older versions, is
-no contradiction. Imports no Blender.
+Poses and light of a scene that was edited by hand do not follow from its settings, so only their parts are compared
+with each other. Directions from kernels cannot be derived without the kernels. A missing statement, as from an older
+version, is no contradiction. Imports no Blender.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _PLACE = 1e-6
 
 def find_contradictions(data: Mapping[str, Any], settings: Settings, camera: Mapping[str, Any],
                         eyes: Mapping[str, Any]) -> Iterator[str]:
-    """What of a ``pair.json`` its settings contradict, in clauses with the key and both values.
+    """The statements of a ``pair.json`` that its settings contradict, in clauses with the key and both values.
 
     ``camera`` and ``eyes`` are these tables of the settings, see ``StereoCamera``.
     """
@@ -118,7 +118,7 @@ def _compare_light(light: Mapping[str, Any], settings: Settings, by_hand: bool) 
 
 
 def _compare_indirect(stated: Any, light: Mapping[str, Any], settings: Settings) -> Iterator[str]:
-    """Contradictions in how indirect light was made: with what was asked, with its noise and with what shines."""
+    """Contradictions in how indirect light was made: with the settings, with its noise and with the light groups."""
     asked = settings.quality.indirect == "BAKED"
     if asked != isinstance(stated, Mapping):
         yield _contradict("indirect", stated, {} if asked else None)
@@ -171,7 +171,7 @@ def _compare_direction(name: str, stated: Mapping[str, Any], wanted: np.ndarray)
 
 
 def _compare(name: str, stated: Any, wanted: Any, digits: float = _DIGITS, scale: float = 1.0) -> Iterator[str]:
-    """Where something stated is not what is wanted. Numbers may differ by ``digits``, relative or of ``scale``."""
+    """Where a stated value differs from the wanted one. Numbers may differ by ``digits``, relative or of ``scale``."""
     if stated == wanted:
         return
     if isinstance(wanted, Mapping) and isinstance(stated, Mapping):

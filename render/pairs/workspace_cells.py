@@ -42,7 +42,7 @@ def workspace_extent(workspace: WorkspaceSettings) -> Extent:
 
 
 def describe_workspace(workspace: WorkspaceSettings) -> dict[str, Any] | None:
-    """The table "workspace" of ``pair.json``: the file of the true heights and what it covers; None without one."""
+    """The table "workspace" of ``pair.json``: the file of the true heights and its cells; None without a workspace."""
     if workspace.cell_m <= 0:
         return None
     extent = workspace_extent(workspace)

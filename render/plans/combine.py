@@ -36,7 +36,7 @@ MOST_GROUNDS = 32
 Report = Callable[[int, int], None]
 #: Pairs from one report to the next.
 _REPORTED = 100
-#: Topics that ``refused_scenes.reasons_of_settings`` asks, and what it asks of the terrain.
+#: Topics that ``refused_scenes.reasons_of_settings`` reads, and the settings of the terrain that it reads.
 _OF_SETTINGS = ("source", "surface", "rock_surface", "hapke", "textures", "rocks", "light", "lander", "arm",
                 "excavation")
 _OF_TERRAIN = ("size_m", "body_radius_m")
@@ -71,7 +71,7 @@ class _Combination:
     parts: tuple[Variation, ...]
 
     def with_part(self, part: Variation) -> _Combination:
-        """This one with a part over it. Both share what the part does not touch, for there may be many."""
+        """This one with a part over it. Both share the topics that the part does not touch, for there may be many."""
         settings = self.settings | {topic: self.settings[topic] | values for topic, values in part.settings.items()}
         return _Combination(settings, (*self.parts, part))
 
@@ -114,7 +114,7 @@ class _Grounds:
 @dataclass(frozen=True)
 class Combined:
     """The pairs of a design, why some of them cannot be rendered, by their ids, and the made-up grounds that were
-    checked, and that were not, by what they depend on."""
+    checked and that were not, by ``_Grounds.key_of``."""
 
     pairs: list[PlannedPair]
     refused: dict[str, str]
@@ -238,7 +238,8 @@ def _deal_grounds(made: list[_Combination], design: Design) -> list[_Combination
 
 
 def seeds_of(stated: int | list[int], seed: int) -> list[int]:
-    """Seeds of scenes: those stated, or so many children of the data set's seed, the first the same for any number."""
+    """Seeds of scenes: the ``stated`` list, or a ``stated`` number of children of the data set's seed, whose first ones
+    are the same for any number."""
     if isinstance(stated, list):
         return stated
     return [int(stream(seed, "plan", k).generate_state(1)[0] >> 1) for k in range(stated)]
@@ -246,7 +247,7 @@ def seeds_of(stated: int | list[int], seed: int) -> list[int]:
 
 def _place_cameras(sweep: Sweep, made: _Combination, grounds: _Grounds, rigs: Texts,
                    known: dict[str, list[Variation]]) -> list[Variation]:
-    """The cameras that a sweep gives to a combination; those of the same ground and rig are computed once."""
+    """The cameras that a sweep gives to a combination; computed once for each ground and rig."""
     key = grounds.key_of(made.settings) + rigs.of(made.settings)
     if key not in known:
         try:
@@ -273,7 +274,7 @@ def _check_headings(made: list[_Combination]) -> None:
 
 
 def _headings_of(made: _Combination) -> Iterator[_Combination]:
-    """A description at each of its ``dataset.headings``, which is 1 in what comes of it."""
+    """A description at each of its ``dataset.headings``; that setting is 1 in the results."""
     headings = int(made.settings.dataset.headings)
     if headings == 1:
         yield made

@@ -35,7 +35,7 @@ _FIX = "delete it and run icymoon batch again, which keeps what is rendered"
 _KIND = {"format": TEXT, "version": COUNT}
 _HEADER = {**_KIND, "settings": Each(TABLE, TEXT), "pairs": COUNT, "plan": TEXT, "icymoon": TEXT}
 _LINE = {"id": TEXT, "changes": Each(TABLE, TEXT)}
-#: How many settings are named in which a plan differs from what was planned.
+#: Maximum number of settings that are named as differences between two plans.
 _MOST_NAMED = 5
 
 
@@ -57,9 +57,9 @@ class FrozenPlan:
 def freeze_plan(dataset: Path, pairs: Sequence[PlannedPair], text: str) -> FrozenPlan:
     """Write the plan of a data set, or check it against the one that is there, and return it.
 
-    A data set may be extended: a plan that has all pairs of the one that is there takes its place. What an earlier
-    version planned of the same text stays as it was planned, whatever the presets and defaults of this one.
-    Raises IcyMoonError for a plan that lacks some, or that has none.
+    A data set may be extended: a plan that has all pairs of the frozen one takes its place. A plan that an earlier
+    version froze from the same text stays as it is, whatever the presets and defaults of this version. Raises
+    IcyMoonError for a plan without pairs, and for one that lacks pairs of the frozen one.
     """
     if not pairs:
         raise IcyMoonError("The plan has no pairs; give it values to vary, and no empty list.")
@@ -108,7 +108,7 @@ def _describe_difference(known: Sequence[PlannedPair], pairs: Sequence[PlannedPa
 
 
 def _value(name: tuple[str, str], pair: PlannedPair) -> str:
-    """What the id of a pair has of a setting, to be compared."""
+    """The value of a setting as the id of a pair has it, to be compared."""
     return repr(value_in_id(".".join(name), pair.settings))
 
 
@@ -131,7 +131,7 @@ def _join(texts: Sequence[str]) -> str:
 
 
 def read_frozen_plan(dataset: Path) -> FrozenPlan:
-    """The frozen plan of a data set. Raises IcyMoonError if there is none or it cannot be read."""
+    """The frozen plan of a data set. Raises IcyMoonError if it is missing or cannot be read."""
     path = dataset / PLAN
     if not os.path.lexists(path):
         raise IcyMoonError(f"{dataset} has no {PLAN}; make the data set with icymoon batch.")

@@ -32,9 +32,8 @@ from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import mesh_item
 from .triangles import count_triangles
 
-#: Processor seconds of a million paths from the corners of a flat mesh, what is added on ground that is as steep as
-#: this or has layers of noise, where fewer paths end in the sky, and of starting the bakes (2-core x86 server, Blender
-#: 5.0).
+#: Processor seconds (2-core x86 server, Blender 5.0) of a million paths from the corners of a flat mesh, those added on
+#: ground that is as steep as this or has layers of noise, where fewer paths end in the sky, and of starting the bakes.
 _S_PER_MPATH, _STEEP_S, _STEEP_DEG, _START_S = 0.45, 0.5, 25.0, 0.8
 #: The same per million pixels: of a sample of direct light of Lambert ground with fine relief, what a bounce adds to
 #: it, and the denoiser.
@@ -43,13 +42,13 @@ _DIRECT_S, _BOUNCE_S, _DENOISE_S = 1.76, 0.17, 3.5
 _OF_A_QUAD, _OF_TRIANGLES, _OF_A_TRIANGLE = 4.0, 6.0, 3.0
 #: Processor seconds of a point of a rock: three texels with their samples, among other rocks.
 _S_PER_POINT = 2.5e-4
-#: Rocks over those of the patch, where they go on beyond it.
+#: Number of rocks over the number on the patch, where rocks go on beyond it.
 _WITH_FAR_ROCKS = 2.8
 #: The same of images on the ground, and of a mesh's own image.
 _IMAGES_S, _OWN_IMAGE_S = 0.95, 0.1
 #: Bytes of a file of baked light: of a vertex that has light, and of a rock.
 _OF_A_VERTEX, _OF_A_ROCK = 11.0, 140.0
-#: Points along a side of a uniform grid of which it is counted how many are seen, at most.
+#: Maximum number of points along a side of a uniform grid that are tried to find the share that is seen.
 _MOST_TRIED = 129
 
 
@@ -70,8 +69,8 @@ def choose_indirect(settings: Sequence[Settings]) -> list[Settings]:
 
 
 def settle_indirect(settings: Settings, images: int) -> Settings:
-    """Settings with BAKED or TRACED in place of AUTO, as a data set of so many images of one ground under one Sun, in
-    different directions, would have them."""
+    """Settings with BAKED or TRACED in place of AUTO, as in a data set of ``images`` images of one ground under one
+    Sun, in different directions."""
     return choose_indirect([settings] * images_per_bake(settings, images))[0]
 
 
@@ -91,7 +90,7 @@ def break_even(settings: Settings) -> int:
 
 
 def bake_seconds(settings: Settings) -> float:
-    """Processor seconds of baking the light of a ground and its rocks, that of the planet too, if it takes all its
+    """Processor seconds of baking the light of a ground and its rocks, the planet's light too, if it takes all its
     samples."""
     paths = settings.quality.bake_samples * _count_corners(settings)
     steep = 1.0 if settings.terrain.layers else min(1.0, settings.terrain.rms_slope_deg / _STEEP_DEG)
@@ -101,7 +100,7 @@ def bake_seconds(settings: Settings) -> float:
 
 
 def light_bytes(settings: Settings) -> float:
-    """Bytes of the file of the baked light of a ground and its rocks, that of the planet too."""
+    """Bytes of the baked light of a ground and its rocks, the planet's light too."""
     triangular = settings.source.kind in ("STAND_IN", "MESH") or settings.mesh.kind == "GRADED"
     vertices = _count_corners(settings) / (_OF_TRIANGLES if triangular else _OF_A_QUAD)
     return (_OF_A_VERTEX * vertices + _OF_A_ROCK * _count_rocks(settings)) * (1 + settings.light.planet)
@@ -130,7 +129,7 @@ def _count_corners(settings: Settings) -> float:
 
 @lru_cache(maxsize=256)
 def _share_seen(size_m: float, points: int, rig_items: tuple[tuple[str, float], ...]) -> float:
-    """Share of a level square of so many metres, of which so many points along a side are tried, that a rig sees."""
+    """Share of a level square of ``size_m`` metres that a rig sees, from ``points`` points tried along each side."""
     rig = RigSettings.from_values(rig_items)
     across = np.linspace(-size_m / 2, size_m / 2, points)
     east, north = (each.ravel() for each in np.meshgrid(across - rig.x_m, across - rig.y_m))

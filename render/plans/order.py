@@ -22,7 +22,7 @@ _STAGES: tuple[Callable[[Settings], Parts], ...] = (
 _JOBS_PER_WORKER = 4
 #: Scenes that one process renders at most, unless another number is given.
 MOST_SCENES = 50
-#: Processors for each worker, unless another number is given: sampling scales well to so many threads.
+#: Processors for each worker, unless another number is given: sampling scales well to this number of threads.
 _PROCESSORS_PER_WORKER = 4
 
 
@@ -39,7 +39,7 @@ def settings_key(part: Callable[[Settings], Parts], pair: PlannedPair) -> str:
 def ordered(pairs: Sequence[PlannedPair]) -> list[PlannedPair]:
     """The same pairs, each once, so that scenes change least, then surfaces, then lights, then landers, then cameras.
 
-    At each of these stages the order is that of the plan. It does not depend on which pairs are complete.
+    Within a stage the order follows the plan. It does not depend on which pairs are complete.
     """
     pairs = list({pair.id: pair for pair in pairs}.values())
     keys = [tuple(settings_key(stage, pair) for stage in _STAGES) for pair in pairs]
@@ -56,8 +56,8 @@ def runs_of_scenes(pairs: Sequence[PlannedPair]) -> list[list[PlannedPair]]:
 def cut_into_jobs(pairs: Sequence[PlannedPair], workers: int, most_scenes: int) -> list[list[PlannedPair]]:
     """Ordered pairs, in runs of similar length, each the job of one process.
 
-    A run ends with a scene, unless the scene has so many pairs that several workers should share it.
-    A process renders at most ``most_scenes`` scenes.
+    A run ends with a scene, unless the scene has enough pairs for several workers. A process renders at most
+    ``most_scenes`` scenes.
     """
     length = -(-len(pairs) // (workers * _JOBS_PER_WORKER))
     found: list[list[PlannedPair]] = []

@@ -40,8 +40,8 @@ _LEAST_GROUNDS = 3
 
 @dataclass(frozen=True)
 class Plan:
-    """A plan as read: ``text`` is its TOML, ``designs`` what it combines (several where it extends several), ``splits``
-    the shares of its scenes in each split, if it states them."""
+    """A plan as read: ``text`` is its TOML, ``designs`` are its combinations (several if it extends several plans),
+    ``splits`` the shares of its scenes in each split, if it states them."""
 
     path: Path
     title: str
@@ -94,7 +94,7 @@ class Plan:
         return dict(self.check().refused)
 
     def describe_unchecked(self) -> str:
-        """A sentence about the grounds that the pairs were not checked on; empty if there are none."""
+        """A sentence about the grounds that the pairs were not checked on; empty if all grounds were checked."""
         found = self.check()
         if not found.unchecked:
             return ""
@@ -114,7 +114,7 @@ class Plan:
         return f"Splits of the scenes: {shown}" if shown else ""
 
     def describe_stand_ins(self) -> list[str]:
-        """Sentences on what the pairs show in place of files of the GUISS paper; empty if they show nothing such."""
+        """Sentences on the stand-ins that the pairs show in place of files of the GUISS paper, if any."""
         return describe_stand_ins(self.check().pairs, [each.files for each in self.designs if each.files])
 
 
@@ -205,7 +205,7 @@ def _names(header: Mapping[str, Any], key: str, place: Place) -> list[tuple[str,
 
 
 def _read_parents(header: Mapping[str, Any], place: Place, readers: tuple[Path, ...]) -> list[Design]:
-    """The designs that a plan begins with: those of the plans it extends, or an empty one."""
+    """The designs that a plan begins with: the designs of the plans that it extends, or an empty one."""
     designs: list[Design] = []
     for name, at in _names(header, "extends", place):
         try:

@@ -34,7 +34,7 @@ class PlannedPair:
 
 
 def turned_heading_deg(settings: Settings, k: int, headings: int) -> float:
-    """Heading of turn ``k`` of so many equal ones, the first being that of ``rig.heading_deg``."""
+    """Heading of turn ``k`` of ``headings`` equal turns; turn 0 has ``rig.heading_deg``."""
     heading = float(settings.rig.heading_deg) + 360.0 * k / headings
     return float(f"{heading - 360.0 if heading > 180.0 and k else heading:.6g}")
 

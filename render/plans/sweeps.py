@@ -126,7 +126,7 @@ def _find_setting(topic: str, key: str, place: Place) -> Setting:
 
 
 def _read_factors(sweep: Sweep, also: Sequence[str]) -> list[tuple[str, Setting | None, Any, Place]]:
-    """(name, setting or None for presets, what is stated, place) of what a sweep varies."""
+    """(name, setting or None for presets, stated value, place) of each factor that a sweep varies."""
     found: list[tuple[str, Setting | None, Any, Place]] = []
     for topic, values in sweep.table.items():
         if topic in also:
@@ -301,7 +301,7 @@ _MAKERS: dict[str, Callable[[Sweep, Settings], list[Variation]]] = {
 
 
 def make_variations(sweep: Sweep, base: Settings) -> list[Variation]:
-    """What the variations of a sweep of one of ``KINDS`` set, over complete settings.
+    """The variations of a sweep of one of ``KINDS``, over complete settings.
 
     Raises IcyMoonError that names the line at fault.
     """

@@ -45,8 +45,8 @@ _OF_DATASET = ("seed", "headings")
 class VariedSetting:
     """The values of one setting, ``topic.key``.
 
-    Of a number ``count`` values from ``first`` to ``last``, at even steps, at even ratios, or at random between them.
-    Of a choice the ``values``. A boolean has both values.
+    A number has ``count`` values from ``first`` to ``last``, at even steps, at even ratios, or at random between them.
+    A choice has the ``values``. A boolean has both values.
     """
 
     name: str
@@ -58,7 +58,7 @@ class VariedSetting:
 
     @property
     def setting(self) -> Setting:
-        """The setting. Raises IcyMoonError if there is none of this name, or if it cannot vary."""
+        """The setting. Raises IcyMoonError if its name is unknown, or if it cannot vary."""
         setting = _SETTINGS.get(self.name)
         if setting is None:
             name = shorten(self.name)  # which anybody's .blend file states
@@ -71,7 +71,7 @@ class VariedSetting:
 @dataclass(frozen=True)
 class SceneVariations:
     """Which settings of a scene vary, how they are combined, the number of ``draws`` of a Sobol sequence, and the
-    number of ``seeds``, of which the scene's own is the first."""
+    number of ``seeds``, including the scene's own, which comes first."""
 
     varied: tuple[VariedSetting, ...]
     combine: str = COMBINATIONS[0]
@@ -102,7 +102,7 @@ def vary_around(name: str, value: Any) -> VariedSetting:
     """A setting that varies about its present value: numbers from half of it to twice it, or if it is 0 a quarter of
     its slider's range, and within that range where the value is; all values of a choice.
 
-    Whole numbers have as many values as are asked for at first, if the range contains so many.
+    Whole numbers have the default number of values, if the range contains that many.
     """
     setting = VariedSetting(name).setting
     if setting.kind == "choice":
@@ -170,7 +170,7 @@ def check_varied(varied: VariedSetting) -> Setting:
 
 @dataclass(frozen=True)
 class _Factor:
-    """A sweep of the plan: its table, how many variations it has, and what they are in words."""
+    """A sweep of the plan: its table, its number of variations, and a text that describes them."""
 
     table: dict[str, Any]
     size: int
@@ -281,7 +281,7 @@ def title_of(variations: SceneVariations) -> str:
 
 
 def label_of(name: str) -> str:
-    """The label of a setting without its unit; the name of what is no setting."""
+    """The label of a setting without its unit; the name itself if no setting has it."""
     return _SETTINGS[name].label.partition(" (")[0] if name in _SETTINGS else name
 
 
@@ -302,7 +302,7 @@ def count_pairs(settings: Settings, variations: SceneVariations) -> int:
 
 
 def describe(settings: Settings, variations: SceneVariations) -> str:
-    """The number of pairs and what they come of, such as '5 values of Sun Elevation x 3 seeds = 15 pairs'.
+    """The number of pairs and its factors, such as '5 values of Sun Elevation x 3 seeds = 15 pairs'.
 
     Raises IcyMoonError as ``count_pairs``.
     """
@@ -348,7 +348,7 @@ def end_settings(settings: Settings, variations: SceneVariations) -> tuple[Setti
 
 
 def _make_parts(factor: _Factor, settings: Settings, most: int = MOST_PAIRS) -> list[Parts]:
-    """What each variation of a sweep sets, of draws up to so many."""
+    """The settings of each variation of a sweep; of draws at most ``most``."""
     table = dict(factor.table)
     if "count" in table:  # the first draws are the same, however many there are
         table["count"] = min(table["count"], most)

@@ -1,1 +1,1 @@
-"""The processes that render a data set, and what they share."""
+"""The processes that render a data set, and the files that they share."""

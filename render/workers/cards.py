@@ -35,8 +35,8 @@ ALL_CARDS = Cards()
 
 
 def parse_cards(text: str, origin: str = "--cards") -> Cards:
-    """The cards that a text such as ``0,2`` or ``CUDA:1`` names. Raises IcyMoonError if it is none; ``origin`` is
-    where it stands."""
+    """The cards that a text such as ``0,2`` or ``CUDA:1`` names. Raises IcyMoonError for another text; ``origin`` names
+    the place of the text."""
     if not text.strip():
         return Cards()
     stated = _TEXT.fullmatch(text.replace(" ", ""))
@@ -47,14 +47,14 @@ def parse_cards(text: str, origin: str = "--cards") -> Cards:
 
 
 def read_chosen_cards() -> Cards:
-    """The cards that the environment of this process names. Raises IcyMoonError if it names none rightly."""
+    """The cards that the environment of this process names. Raises IcyMoonError if its text is invalid."""
     return parse_cards(os.environ.get(ENVIRONMENT, ""), ENVIRONMENT)
 
 
 def choose_cards(text: str) -> Cards:
-    """The cards that ``--cards`` names, or else the environment. What is started from now on finds them there.
+    """The cards that ``--cards`` names, or else the environment. Processes started from now on find them there.
 
-    Raises IcyMoonError if the text names none rightly.
+    Raises IcyMoonError if the text is invalid.
     """
     cards = parse_cards(text) if text.strip() else read_chosen_cards()
     if cards.numbers:
@@ -63,7 +63,7 @@ def choose_cards(text: str) -> Cards:
 
 
 def choose_one(cards: Cards, place: int, workers: int) -> Cards:
-    """The cards of one of several ``workers``: a card of its own where several are chosen, in turn."""
+    """The cards of one of several ``workers``: where several cards are chosen, workers get one each, in turn."""
     if workers < 2 or len(cards.numbers) < 2:
         return cards
     return Cards(cards.backend, (cards.numbers[place % len(cards.numbers)],))

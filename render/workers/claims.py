@@ -2,8 +2,8 @@
 
 A claim is a file ``claims/<pair>.<n>``, which only one process can create. That process touches it regularly. When
 the touches stop, or the process is known to be gone, another may claim the pair as n + 1, which again only one can.
-So no claim is taken from a process that runs. A process that was wrongly taken for dead does no harm: what it writes
-has its own names until it is whole, and a complete pair is never written again.
+So no claim is taken from a process that runs. A process that was wrongly taken for dead does no harm: its files have
+their own names until they are whole, and a complete pair is never written again.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Claims:
     def take(self, pair: str) -> bool:
         """Claim a pair; False while another holds it. Raises IcyMoonError where it could not be written."""
         folder = part_of(self._pairs / pair)
-        system.check_path(self._pairs.parent, part_of(folder / "pair.json"))  # the longest name of what is in a pair
+        system.check_path(self._pairs.parent, part_of(folder / "pair.json"))  # the longest name in a pair's folder
         with explain_disk_errors("write to", self._folder):
             self._folder.mkdir(parents=True, exist_ok=True)
             claims = self._find_claims(pair)
@@ -141,7 +141,7 @@ class Claims:
         return f"process {holder['pid']} on {holder['host']}" if holder else "another process"
 
     def clean_up_after(self, pid: int) -> None:
-        """Drop the claims of a process of this machine that has ended, and what it left half-written."""
+        """Drop the claims of a process of this machine that has ended, and its unfinished folders."""
         for part in self._pairs.glob(f"*.{system.computer_name()}-{pid}-*{PART}"):
             self._settle(part)
         for path in self._list_claims():
@@ -150,15 +150,15 @@ class Claims:
                 self._remove(path)
 
     def clean_up(self) -> None:
-        """Settle what processes that are gone have left unfinished, and remove the folder if nothing is claimed."""
-        # Whoever has begun to write has claimed before: what is there now and has no claim afterwards is left over.
+        """Settle the leftovers of processes that are gone, and remove the folder of claims if nothing is claimed."""
+        # A process claims before it writes: a folder that is there now and has no claim afterwards is a leftover.
         parts = list(self._pairs.glob(f"*{PART}"))
         claimed = self.find_claimed_elsewhere() | self._held.keys()
         for part in parts:
             if part.name.split(".")[0] not in claimed:
                 self._settle(part)
-        # Such as the manifest's, that of baked light or of a claim that was to state it, the clock's and that of a
-        # pair.json that was to state other settings.
+        # Such as of the manifest, of baked light or of a claim that was to state it, of the clock, and of a pair.json
+        # that was to state other settings.
         for where, pattern in ((self._dataset, "*"), (self._dataset / LIGHT, "*"), (self._folder, "*"),
                                (self._pairs, ".clock"), (self._pairs, "*/*")):
             for file in find_leftover_parts(where, pattern):

@@ -56,7 +56,7 @@ def connect(address: str) -> Iterator[Any]:
 
 def render_on_cluster(address: str, dataset: Path, pairs: Sequence[PlannedPair], workers: WorkerOptions,
                       send: Callable[..., None]) -> dict[str, str]:
-    """Render what is missing of ``pairs`` on a cluster; as ``Runner.run``, with each worker a Dask worker's task.
+    """Render the missing ones of ``pairs`` on a cluster; as ``Runner.run``, with a task of a Dask worker per worker.
 
     Every Dask worker needs this package, the Blender that ``workers`` names and the folder at the same path.
     """

@@ -21,7 +21,7 @@ from ...file_shapes import NUMBER, PATH, PROCESS, TEXT, read_record
 from ...files import explain_disk_errors
 from .process import ProcessOutput
 
-#: What is written of a process.
+#: The facts that are written about a process.
 _SHAPE = {"pid": PROCESS, "started": NUMBER, "title": TEXT, "dataset": PATH}
 _GRACE_S = 3.0
 _POLL_S = 0.05
@@ -31,7 +31,7 @@ class Detached(ProcessOutput):
     """A running process whose output goes to ``<stem>.log``.
 
     With ``leave`` it continues when its watcher ends. Beside the log lie ``.lock`` (held by the process),
-    ``.watch`` (held by the watcher) and ``.json`` (what it is).
+    ``.watch`` (held by the watcher) and ``.json`` (facts about the process).
     """
 
     def __init__(self, stem: Path, facts: Mapping[str, Any], watch: IO[bytes],
@@ -142,7 +142,7 @@ class Detached(ProcessOutput):
 
 
 def find_left_running(folder: Path) -> Detached | None:
-    """A process that was left running and that nobody watches, of those whose files lie in ``folder``."""
+    """A process that was left running, that nobody watches, and whose files lie in ``folder``."""
     for file in sorted(folder.glob("*.lock")):
         found = Detached.attach(file.with_suffix(""))
         if found is not None:

@@ -43,7 +43,7 @@ JOB = {"settings": Maybe(Each(TABLE, TEXT), null=True), "dataset": PATH, "again"
 
 
 def read_job(file: Path) -> dict[str, Any]:
-    """A job as it was written. Raises IcyMoonError if it is none."""
+    """A job as it was written. Raises IcyMoonError if the file is no job."""
     fix = "write it with Render Stereo Pair or icymoon render"
     try:
         job = dict(read_record(file, JOB, fix))
@@ -68,7 +68,7 @@ class Job:
 
     def __init__(self, dataset: Path, settings: Settings | None = None, *, pairs: Sequence[PlannedPair] = (),
                  scene: str | None = None, again: bool = False, threads: int | None = None, repeat: int = 0) -> None:
-        """Write the job file: the pairs of a description, or planned ones, of which any may fail.
+        """Write the job file: the pairs of a description, or planned pairs, where any may fail.
 
         With ``scene`` the caller saves the .blend to ``blend``. ``threads`` takes the place of quality.threads. Pairs
         of another ``repeat`` are the same but for their name and the noise of their light paths.

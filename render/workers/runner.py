@@ -29,11 +29,11 @@ from .job import Job, blender_command
 from .process import Message, Process
 
 Send = Callable[..., None]
-#: How often a pair may take its worker with it before it is set aside.
+#: Number of crashes of its worker after which a pair is set aside.
 MOST_CRASHES = 3
 #: A worker that has reported that it is done is ended after this; the Blender module may hang when it ends.
 _EXIT_S = 10.0
-#: A worker that has sent nothing for so long may hang: its other pairs are given to workers that have time.
+#: A worker that has sent nothing for this time may hang: its other pairs are given to workers that have time.
 _SUSPECT_S = 300.0
 _STEP_S, _WAIT_S = 0.05, 1.0
 #: How often the pairs of a silent worker are looked for on the disk: each look reads every pair.json among them.
@@ -47,8 +47,8 @@ _MESSAGES: dict[str, Shape] = {
 @dataclass(frozen=True)
 class WorkerOptions:
     """How many processes render, how many threads each has (0: all), in which Blender; how many scenes a process
-    may render before another takes its place, the seconds after which one that sends nothing is ended, and the graphics
-    cards, of which each has one."""
+    may render before another takes its place, the seconds after which a process that sends nothing is ended, and the
+    graphics cards, see ``choose_one``."""
 
     count: int
     threads: int
@@ -77,13 +77,13 @@ class _Worker:
     done: bool = False
 
     def close(self) -> None:
-        """End the process and remove what it left."""
+        """End the process and remove its leftovers."""
         self.process.stop()
         self.job.discard()
 
 
 class Runner:
-    """Renders what is missing of ``pairs`` into a data set.
+    """Renders the missing ones of ``pairs`` into a data set.
 
     ``send(type, **facts)`` receives ``progress`` (``fraction``, ``message``, ``done``, ``total``), ``pair``,
     ``warning`` and ``error`` messages (of a pair that is set aside, with ``pair``).
@@ -148,7 +148,7 @@ class Runner:
         return [pair for pair in self._pairs if pair.id not in self._complete and pair.id not in self.failed]
 
     def _enqueue(self, missing: list[PlannedPair]) -> None:
-        """Cut what is missing into jobs; what nobody else is at comes first."""
+        """Cut the missing pairs that nobody else renders into jobs."""
         busy = self._claims.find_claimed_elsewhere()
         jobs = cut_into_jobs([pair for pair in missing if pair.id not in busy], self._options.count,
                              self._options.most_scenes)
@@ -178,21 +178,22 @@ class Runner:
         return _EXIT_S if idle else self._options.silence_s
 
     def _look_for_left(self, worker: _Worker) -> list[PlannedPair]:
-        """What ``_find_left`` found some seconds ago at most."""
+        """The result of ``_find_left``, some seconds old at most."""
         now = time.monotonic()
         if now - worker.looked > _LOOK_S:
             worker.looked, worker.left = now, self._find_left(worker)
         return worker.left
 
     def _find_left(self, worker: _Worker) -> list[PlannedPair]:
-        """What a worker was given that is neither there nor set aside. What is there is never looked for again."""
+        """A worker's pairs that are neither there nor set aside. A pair that is there is never looked for again."""
         for pair in worker.pairs:
             if pair.id not in self._complete and is_complete(pair.folder(self._dataset)):
                 self._report_pair(pair.id)
         return [pair for pair in worker.pairs if pair.id not in self.failed and pair.id not in self._complete]
 
     def _reassign(self, worker: _Worker) -> None:
-        """Give what a worker has not begun to another; if it goes on after all, it finds that done, or claimed."""
+        """Give the pairs that a worker has not begun to another. If it goes on after all, it finds them complete or
+        claimed."""
         waiting = [pair for pair in self._look_for_left(worker) if pair.id != worker.current]
         if waiting:
             given = {pair.id for pair in waiting}

@@ -1,4 +1,4 @@
-"""Which baked light a process may use: what it has baked itself, or what others vouch for. Imports no Blender.
+"""Which baked light a process may use: light that it baked itself, or that others vouch for. Imports no Blender.
 
 Anyone may put a file into ``light/``. So a file is used only if its content has the checksum that
 
@@ -26,15 +26,15 @@ from ..pairs.pair_folder import has_its_files, read_whole
 from .claims import Claims
 
 _WAIT_S = 0.5
-#: What ``pair.json`` states of baked light.
+#: The statements of ``pair.json`` about baked light.
 _LIGHTS = Maybe(Each({"file": TEXT, "sha256": SHA256, "cpu_seconds_of_bake": Maybe(NUMBER)}, TEXT))
 _SHAPE = {"indirect": {"lights": _LIGHTS, "tried": _LIGHTS}}
 
 
 @dataclass(frozen=True)
 class LightFile:
-    """A file of baked light as a pair or a claim states it: its name in ``light/``, the key of what it is for, its
-    SHA-256 checksum, and the processor seconds of the bake."""
+    """A file of baked light as a pair or a claim states it: its name in ``light/``, the key of its bake, its SHA-256
+    checksum, and the processor seconds of the bake."""
 
     name: str
     key: str
@@ -51,7 +51,7 @@ class KeptLight:
     sha256: str
 
     def to_json(self, share: float) -> dict[str, Any]:
-        """What ``pair.json`` states of it, with its share of the light in the images."""
+        """The statement of ``pair.json`` about it, with its share of the light in the images."""
         return {"file": self.file, "sha256": self.sha256, "samples": self.light.samples, "share": round(share, 5),
                 "noise_of_baked": round(self.light.noise, 5), "noise": round(self.light.noise * share, 5),
                 "cpu_seconds_of_bake": round(self.light.cpu_seconds, 3)}
@@ -113,7 +113,7 @@ class SharedLight:
         self._waiting: set[str] = set()  # keys whose claims are held until a pair states their light
 
     def get(self, key: str, vertices: int, rocks: int, bake: Callable[[], BakedLight]) -> tuple[KeptLight, float]:
-        """Baked light of a ground of so many vertices and rocks, and the processor seconds that ``bake`` took just now.
+        """Baked light of a ground with this number of vertices and rocks, and processor seconds of ``bake`` just now.
 
         One process bakes while others wait for it. Raises IcyMoonError if it cannot be baked or written.
         """

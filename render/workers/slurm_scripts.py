@@ -20,8 +20,8 @@ _CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 @dataclass(frozen=True)
 class SlurmRequest:
-    """What the script requests from SLURM: shards of the data set, how many at once (0: all), processors and memory of
-    each, wall time, and further options as sbatch has them."""
+    """The requests of the script to SLURM: shards of the data set, how many at once (0: all), processors and memory for
+    each shard, wall time, and further options as sbatch has them."""
 
     shards: int
     at_once: int

@@ -39,19 +39,19 @@ from .claims import CLAIMS_FOLDER, Claims
 from .manifest import MANIFEST
 from .shared_light import LightFile, VouchedLight
 
-#: What a data set's folder may contain beside its pairs.
+#: Files and folders that a data set's folder may contain.
 _OUR_FILES = {"pairs", PLAN, MANIFEST, CLAIMS_FOLDER, "evaluation", "evaluation_scene", "slurm", INPUTS, LIGHT}
-#: What stands for content that the settings do not describe, see ``settings.digest`` and ``nodes.sunlit``.
+#: Texts for content that the settings do not describe, see ``settings.digest`` and ``nodes.sunlit``.
 _STAND_INS = ("", "Hapke of nodes")
 #: What a pair must state so that its files can be checked: names of files in its folder, no device, no other folder.
 _FILES_SHAPE = {"files": Each({"sha256": SHA256}, FILE_NAME)}
-#: How many settings are named in which a pair differs from the plan.
+#: Maximum number of settings that are named as differences of a pair from the plan.
 _MOST_NAMED = 5
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A problem: its kind, what has it (a pair's id or a path), a sentence, and the ``path`` that may be removed."""
+    """A problem: its kind, its subject (a pair's id or a path), a sentence, and the ``path`` that may be removed."""
 
     kind: str  # "unreadable", "missing", "broken", "foreign", "edited", "light", "leftover" or "kept"
     what: str
@@ -65,8 +65,8 @@ class Problem:
 
 @dataclass(frozen=True)
 class Findings:
-    """What ``verify`` found: the number of planned and of complete pairs, the problems, and notes on what is missing
-    and leaves the pairs whole. Without a plan (``has_plan``) the pairs are those that are there."""
+    """The findings of ``verify``: the number of planned and of complete pairs, the problems, and notes on missing files
+    that the pairs do not need. Without a plan (``has_plan``) the planned pairs are the existing ones."""
 
     pairs: int
     complete: int
@@ -76,11 +76,11 @@ class Findings:
 
 
 def verify(dataset: Path, remove_broken: bool = False) -> Findings:
-    """Check every file of a data set against the plan, what its pairs state, and the checksums.
+    """Check every file of a data set against the plan, the statements of its pairs, and the checksums.
 
-    With ``remove_broken`` broken pairs and leftovers are taken away, never what is not ours, nor a pair whose files
-    are as they were rendered. Without a plan each pair is compared with itself alone. Raises IcyMoonError if there are
-    no pairs either, or something is to be removed that no plan could make again.
+    With ``remove_broken`` broken pairs and leftovers are removed, but never anything that is not ours, nor a pair whose
+    files are as they were rendered. Without a plan each pair is compared with itself alone. Raises IcyMoonError if
+    there are no pairs either, and for ``remove_broken`` without a plan, which could make the pairs again.
     """
     has_plan = os.path.lexists(dataset / PLAN)
     planned = {pair.id: pair for pair in read_frozen_plan(dataset).pairs} if has_plan else _find_unplanned(dataset)
@@ -140,7 +140,7 @@ def _describe_misplaced(folder: Path) -> str:
 
 
 class _Shared:
-    """What is made once for all pairs of a data set: what their tables give, and the light that they state."""
+    """Objects that are made once for all pairs of a data set, and the light that the pairs state."""
 
     def __init__(self, light: VouchedLight) -> None:
         self.light = light
@@ -193,7 +193,7 @@ def _again(planned: PlannedPair | None) -> str:
 
 
 def _find_strange(folder: Path) -> Iterator[str]:
-    """What in a pair's folder we did not write and is no link, in one sentence."""
+    """Files in a pair's folder that we did not write and that are no links, in one sentence."""
     if names := [name for name in list_foreign(folder) if not (folder / name).is_symlink()]:
         more = f" and {len(names) - 1} more are" if names[1:] else " is"
         yield (f"{folder / names[0]}{more} not Icy Moon's; move {'them' if names[1:] else 'it'} out of the pair's "
@@ -248,7 +248,7 @@ def _find_damage(pair: Pair) -> Iterator[str]:
 
 
 def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Shared) -> Iterator[str]:
-    """In what a pair that can be read is not what was planned, in clauses. The pair itself excuses nothing.
+    """Differences of a pair that can be read from the plan, in clauses. Its own statements excuse no difference.
 
     Without a plan its name and its settings decide, unless it was edited by hand.
     """
@@ -256,7 +256,7 @@ def _find_contradictions(pair: Pair, planned: PlannedPair | None, shared: _Share
     wanted = planned or PlannedPair(pair.folder.name, pair.settings, 0.0)
     if pair.id != wanted.id:
         yield f"{path} is of pair {pair.id}, not {wanted.id}"
-    # What of relief is in the id depends on other topics.
+    # Which part of relief is in the id depends on other topics.
     unequal = {topic for topic in wanted.settings if pair.settings.get(topic) != wanted.settings[topic]}
     others = [(name, pair.settings[topic][key], wanted.settings[topic][key]) for name, topic, key in shared.names
               if (topic in unequal or key == "relief")
@@ -296,7 +296,7 @@ def _find_stated_light(light: VouchedLight) -> dict[LightFile, list[str]]:
 
 
 def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> Iterator[str]:
-    """That baked light is gone, in one sentence; the images that were rendered with it are what they were."""
+    """A sentence that baked light is missing, if it is; the images that were rendered with it are still whole."""
     folder = dataset / LIGHT
     gone = {} if folder.is_symlink() else {file: pairs for file, pairs in stated.items()
                                            if not os.path.lexists(folder / file.name)}
@@ -308,7 +308,7 @@ def _note_missing_light(dataset: Path, stated: dict[LightFile, list[str]]) -> It
 
 
 def _check_light(dataset: Path, stated: dict[LightFile, list[str]], working: set[str]) -> Iterator[Problem]:
-    """What is wrong with baked light: its files, and what pairs state of it."""
+    """Problems of baked light: of its files, and of the statements of pairs about it."""
     folder = dataset / LIGHT
     if folder.is_symlink():
         yield Problem("foreign", LIGHT, f"{folder} is a link, so its light counts as absent; put what it leads to in "
@@ -353,7 +353,7 @@ def _is_edited(folder: Path) -> bool:
 
 def _check_other_files(dataset: Path, planned: Collection[str], working: set[str], has_plan: bool
                        ) -> Iterator[Problem]:
-    """What lies in the folder and belongs to no planned pair."""
+    """Problems of files in the folder that belong to no planned pair."""
     for path in list_put_there(folder_of_pairs(dataset)):
         name = path.name.split(".")[0]
         if is_unfinished(path):

@@ -94,7 +94,7 @@ class Eye:
 
 @dataclass(frozen=True)
 class Calibration:
-    """The fitted eyes by view, and what is left: distances in pixels between outlines and projected rocks."""
+    """The fitted eyes by view, and the residuals: distances in pixels between outlines and projected rocks."""
 
     eyes: dict[View, Eye]
     left_px: np.ndarray
@@ -211,7 +211,7 @@ def _find_poses(terrain: Terrain) -> dict[str, np.ndarray]:
 
 
 def calibrate(terrain: Terrain) -> Calibration:
-    """Fit the camera. Raises IcyMoonError if fewer than half of what is outlined meets a rock within 10 px."""
+    """Fit the camera. Raises IcyMoonError if fewer than half of the outlines meet a rock within 10 px."""
     poses, positions = _find_poses(terrain), terrain.positions
     parts = [_visible_part(rock) for rock in terrain.rocks]
     points, ends = np.concatenate(parts), np.cumsum([0, *map(len, parts)])[:-1]

@@ -62,7 +62,7 @@ class View:
 
 @dataclass(frozen=True)
 class Polygon:
-    """What somebody outlined in a photograph: a class, and corners (n, 2) in pixels."""
+    """A thing that was outlined in a photograph by hand: its class, and corners (n, 2) in pixels."""
 
     kind: int
     corners: np.ndarray
@@ -78,17 +78,17 @@ class Terrain:
 
     @property
     def views(self) -> list[View]:
-        """The views of which there are photographs."""
+        """The views that have photographs."""
         return sorted({view for view, _ in self.photographs})
 
     @property
     def positions(self) -> list[str]:
-        """Camera positions of which there are photographs."""
+        """The camera positions that have photographs."""
         return sorted({view.position for view in self.views})
 
     @property
     def azimuths(self) -> list[int]:
-        """Sun azimuths in degrees of which there are photographs."""
+        """The Sun azimuths in degrees that have photographs."""
         return sorted({azimuth for _, azimuth in self.photographs})
 
     def polygons(self, view: View, azimuth: int, kind: int) -> list[np.ndarray]:
@@ -99,7 +99,7 @@ class Terrain:
 def read_terrains(folder: Path) -> list[Terrain]:
     """The terrains of a folder.
 
-    Raises IcyMoonError if it has no whole terrain, or something in it cannot be read or is not what it should be.
+    Raises IcyMoonError if it has no whole terrain, or if one of its files cannot be read or is invalid.
     """
     if not folder.is_dir():
         raise IcyMoonError(f"--polar: there is no folder {folder}; {WHERE}.")
@@ -166,7 +166,7 @@ def _parse_polygons(path: Path, content: str) -> tuple[Polygon, ...]:
 
 
 def read_rock(path: Path, number: int) -> Rock:
-    """A rock from an OBJ file. Raises IcyMoonError if it is not one, or its size is not that of a rock in metres."""
+    """A rock from an OBJ file. Raises IcyMoonError if it is no such file, or too large or too small for a rock."""
     rock = Rock(number, *read(path, lambda foreign: parse_triangles(foreign, _MOST_TRIANGLES),
                               "a mesh of triangles in OBJ", "get the file again"))
     if not len(rock.faces) or not np.isfinite(rock.vertices).all():

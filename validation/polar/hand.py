@@ -1,8 +1,8 @@
 """How well the labels agree with themselves, which bounds how well anything else can agree with them.
 
-Rocks do not move between the lamps, so outlines of one view are compared with each other; not those of photographs that
-have an outline in common, since it was copied. The shadows of a lamp were outlined in both eyes, so those of the left
-one are laid on the fitted sand and seen with the right one.
+Rocks do not move between the lamps, so outlines of one view are compared between photographs, unless two photographs
+have an outline in common, since it was copied. The shadows of a lamp were outlined in both eyes, so the left eye's
+outlines are laid on the fitted sand and seen with the right eye.
 """
 
 from __future__ import annotations

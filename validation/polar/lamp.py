@@ -1,6 +1,6 @@
 """The lamp of the photographs: its place, fitted to the shadows that the left eyes see, from the survey on.
 
-The shadow of a rock is taken as that of its convex hull here; the renders have that of the scan.
+Here a rock casts the shadow of its convex hull; in the renders it casts the shadow of the scan.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def _descend(x: np.ndarray, cost: Callable[[np.ndarray], float], steps: tuple[fl
 
 
 def surveyed_lamp(azimuth: int, sand: Sand) -> np.ndarray:
-    """Place (3,) of the lamp by the survey, whose heights are above a floor at that of the sand, as shadows show."""
+    """Place (3,) of the lamp by the survey, whose heights are above the median height of the sand, as shadows show."""
     return np.add(SURVEYED_LAMPS[azimuth], (0.0, 0.0, float(np.median(sand.planes[:, 0]))))
 
 
@@ -96,10 +96,10 @@ def _outline_points(points: np.ndarray, lamp: np.ndarray, level_m: float) -> np.
 
 
 class Shadows:
-    """What the left eyes show of shadows, to be compared with those of the visible parts of rocks.
+    """The shadows in the photographs of the left eyes, to be compared with the shadows of the visible parts of rocks.
 
-    By azimuth, ``points`` (n, 3) are those that can be outline of a rock's shadow, and ``ends`` where those of a rock
-    end.
+    By azimuth, ``points`` (n, 3) can be on the outline of a rock's shadow, and ``ends`` are the indices where the
+    points of a rock end.
     """
 
     def __init__(self, terrain: Terrain, camera: Calibration, sand: Sand) -> None:

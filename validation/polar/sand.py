@@ -89,7 +89,7 @@ class Sand:
         return np.asarray(np.exp(-((xy - self.nodes[k]) ** 2).sum(axis=1) / (2 * _NODE_WIDTH_M**2)))
 
     def visible(self, k: int, rock: Rock) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices and triangles of the part of a rock above its sand; what is below is moved up to it."""
+        """Vertices and triangles of the part of a rock above its sand; vertices below are moved up to it."""
         level = self.height_at_rock(k, rock.vertices[:, :2])
         up = rock.vertices[:, 2] > level
         raised = rock.vertices.copy()

@@ -80,7 +80,7 @@ class Frame:
 
 
 def find_frame(terrain: Terrain, camera: Calibration, sand: Sand, position: str, columns: int) -> Frame:
-    """Our rig at a position, with a window of about so many columns around all that is labelled as rock or shadow."""
+    """Our rig at a position, with a window of about ``columns`` columns around all labels of rocks and shadows."""
     left, right = (camera.eyes[View(position, eye)] for eye in EYES)
     across = right.place_m - left.place_m
     x = across / np.linalg.norm(across)
