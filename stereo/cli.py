@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from typing import Any
 
@@ -22,7 +22,7 @@ PROGRAM = "icymoon.stereo"
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return the exit code: 0, 1 for an error that the user can fix, 2 for wrong usage, 130 when
     interrupted."""
-    return run_verb(_parser(), arguments, PROGRAM, "interrupted", _emit_error)
+    return run_verb(make_parser(), arguments, PROGRAM, "interrupted", _emit_error)
 
 
 def _emit_error(parsed: argparse.Namespace, error: IcyMoonError) -> None:
@@ -30,18 +30,16 @@ def _emit_error(parsed: argparse.Namespace, error: IcyMoonError) -> None:
         printer.emit("error", message=" ".join(str(error).split()))
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = Parser(prog=f"python -m {PROGRAM}", description="Evaluate stereo on rendered pairs.")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-
-    command = commands.add_parser("check", help="report as one line of JSON whether this Python can evaluate")
+def _add_check(command: argparse.ArgumentParser) -> None:
     command.set_defaults(run=_run_check)
 
-    command = commands.add_parser("methods", help="list the matchers with their options")
+
+def _add_methods(command: argparse.ArgumentParser) -> None:
     command.add_argument("method", nargs="?", help="only this one")
     command.set_defaults(run=_run_methods)
 
-    command = commands.add_parser("match", help="match two images")
+
+def _add_match(command: argparse.ArgumentParser) -> None:
     command.add_argument("--method", required=True, help="one of those that the command methods lists")
     command.add_argument("--left", required=True, type=as_path, help="left image, 8- or 16-bit PNG")
     command.add_argument("--right", required=True, type=as_path, help="right image, 8- or 16-bit PNG")
@@ -54,8 +52,8 @@ def _parser() -> argparse.ArgumentParser:
                          help="npz to write: disparity, float32 px, NaN where invalid, and other arrays of the method")
     command.set_defaults(run=_run_match)
 
-    command = commands.add_parser("metrics", help="measure a depth or disparity map and print JSON; undefined metrics "
-                                                  "are null")
+
+def _add_metrics(command: argparse.ArgumentParser) -> None:
     what = command.add_mutually_exclusive_group(required=True)
     what.add_argument("--prediction", type=as_path, help="npy, planar depth in metres, NaN invalid")
     what.add_argument("--disparity", type=as_path, help="npy, or npz of match, disparity in px, NaN invalid")
@@ -69,22 +67,24 @@ def _parser() -> argparse.ArgumentParser:
                               "an npz of match states it")
     command.set_defaults(run=_run_metrics)
 
-    command = commands.add_parser("evaluate", help="match and measure pairs, and write a report")
+
+def _add_evaluate(command: argparse.ArgumentParser) -> None:
     add_evaluate_options(command)
     command.set_defaults(run=run_evaluate)
 
-    command = commands.add_parser("decide", help="measure what a lander would decide by each matcher: heights, sites, "
-                                                 "landing pads")
+
+def _add_decide(command: argparse.ArgumentParser) -> None:
     add_decide_options(command)
     command.set_defaults(run=run_decide)
 
-    command = commands.add_parser("truth", help="write disparity, depth and visibility of both eyes, check that they "
-                                                "fit the images, and print a line of JSON per pair")
+
+def _add_truth(command: argparse.ArgumentParser) -> None:
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
     command.add_argument("--out", required=True, type=as_path, help="folder for <pair>/truth.npz")
     command.set_defaults(run=_run_truth)
 
-    command = commands.add_parser("export", help="write pairs and their truth in another layout")
+
+def _add_export(command: argparse.ArgumentParser) -> None:
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET", help="pair folder or data set")
     what = command.add_mutually_exclusive_group(required=True)
     exports = find("export", EXPORTS)
@@ -102,7 +102,8 @@ def _parser() -> argparse.ArgumentParser:
                          help="side of a cell of dem (a 1024th of the ground)")
     command.set_defaults(run=_run_export)
 
-    command = commands.add_parser("develop", help="expose rendered pairs again as PNG, without a new render")
+
+def _add_develop(command: argparse.ArgumentParser) -> None:
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
                          help="pair folder, or data set of pairs; may be several")
     command.add_argument("--preset", action="append", default=[], metavar="sensors/NAME",
@@ -112,6 +113,29 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("--out", required=True, type=as_path, help="folder for the images, a folder per pair in it")
     command.add_argument("--json-lines", action="store_true", help="progress and result as JSON lines on stdout")
     command.set_defaults(run=_run_develop)
+
+
+#: Each verb, its meaning, and the function that adds its arguments.
+_VERBS: tuple[tuple[str, str, Callable[[argparse.ArgumentParser], None]], ...] = (
+    ("check", "report as one line of JSON whether this Python can evaluate", _add_check),
+    ("methods", "list the matchers with their options", _add_methods),
+    ("match", "match two images", _add_match),
+    ("metrics", "measure a depth or disparity map and print JSON; undefined metrics are null", _add_metrics),
+    ("evaluate", "match and measure pairs, and write a report", _add_evaluate),
+    ("decide", "measure what a lander would decide by each matcher: heights, sites, landing pads", _add_decide),
+    ("truth", "write disparity, depth and visibility of both eyes, check that they fit the images, and print a line of "
+     "JSON per pair", _add_truth),
+    ("export", "write pairs and their truth in another layout", _add_export),
+    ("develop", "expose rendered pairs again as PNG, without a new render", _add_develop),
+)
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """The parser of the command line."""
+    parser = Parser(prog=f"python -m {PROGRAM}", description="Evaluate stereo on rendered pairs.")
+    verbs = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for name, meaning, add_arguments in _VERBS:
+        add_arguments(verbs.add_parser(name, help=meaning))
     return parser
 
 

@@ -200,7 +200,7 @@ def _cli() -> str:
             "stopped.\n")
     # The parsers are what the programs themselves use.
     for title, parser in (("python -m icymoon", cli.make_parser()),
-                          ("python -m icymoon.stereo", stereo_cli._parser())):
+                          ("python -m icymoon.stereo", stereo_cli.make_parser())):
         text += f"\n## {title}\n\n{parser.description}\n"
         for name, (meaning, verb) in _verbs(parser).items():
             text += f"\n### {title} {name}\n\n{_sentence(meaning)}\n\n{_options(verb)}"

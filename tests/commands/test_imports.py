@@ -44,5 +44,5 @@ def test_a_verb_loads_no_other(words, own, others):
 
 
 def test_help_names_the_verbs_of_the_evaluator():
-    (verbs,) = [action for action in stereo._parser()._actions if isinstance(action, argparse._SubParsersAction)]
+    (verbs,) = [action for action in stereo.make_parser()._actions if isinstance(action, argparse._SubParsersAction)]
     assert tuple(verbs.choices) == cli.STEREO_VERBS

@@ -31,7 +31,7 @@ LANDFORMS_OF_EXAMPLES = {f"landform_{name}" for project in examples() for name i
     (project / "pyproject.toml").read_text(encoding="utf-8"))["project"]["entry-points"].get("icymoon.landforms", ())}
 #: Program that needs no parser, and the parser of each that does.
 PARSERS: dict[str, Callable[[], argparse.ArgumentParser]] = {
-    "icymoon": cli.make_parser, "icymoon.stereo": stereo_cli._parser}
+    "icymoon": cli.make_parser, "icymoon.stereo": stereo_cli.make_parser}
 
 
 def words_of(code: str) -> Iterator[list[str]]:
