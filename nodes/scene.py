@@ -7,31 +7,12 @@ the collection is the user's and stays.
 from __future__ import annotations
 
 import json
-import math
-from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
 
 from ..errors import IcyMoonError
-from ..labels import TERRAIN_INSTANCE
-from ..number_text import count_of
-from ..physics import refused_scenes
-from ..physics.camera import blur
-from ..physics.camera.stereo_geometry import rounding_advice
-from ..physics.excavation.jitter import jittered_rig
-from ..physics.excavation.unsupported_rocks import settle_rocks
-from ..physics.light.map_sky import doubt_sky
-from ..physics.mesh.fine_relief import displacement_advice, nearest_m
-from ..physics.mesh.graded_ground import Graded
-from ..physics.mesh.height_surface import Surface
-from ..physics.rig.focal_length import focal_px
-from ..physics.rocks.beyond_patch import view_beyond
-from ..physics.rocks.rocks import scatter
-from ..physics.rocks.shapes import make_rock_shapes
-from ..physics.rocks.table import TABLE, read_table
-from ..physics.terrain.terrain import Terrain, terrain_advice
 from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
@@ -59,32 +40,21 @@ from .built_scene import (
     ground_statistics,
     shows_earlier_ground,
 )
-from .datablocks.blend_file_paths import content, with_absolute_files
+from .datablocks.blend_file_paths import content
 from .datablocks.fingerprint import NAME, TAG, built_objects, instanced_objects, parts
-from .ground.dug_ground import DugGround, mesh_whole_ground
-from .ground.heights_under import probe_heights
-from .ground.rocks import build_rocks
 from .ground.terrain_mesh import (
     MeshedGround,
     grid_heights,
     patch_heights,
     patch_statistics,
-    site_wavelength_m,
-    vertex_spacing_m,
 )
-from .ground.user_ground import UserGround, is_from_file, is_mesh, load_ground
+from .ground.user_ground import is_from_file, is_mesh
 from .keep_references import is_owned_elsewhere, owned_blocks, replace_block, set_owned_blocks, update_object
-from .lander.contact import find_contact
 from .lander.objects import ROLES as LANDER_ROLES
-from .lander.objects import build_lander
-from .light.scene_lights import ROLES, build_lights, described_sky
-from .light.scene_lights import advice as light_advice
-from .light.sun_lamp import build_sky
-from .remove import free_names, materials_of, remove, remove_leftovers, remove_unused, with_parts
-from .rig import build_rig
-from .surface import ground_and_rock_materials, reflectance_laws, sun_inputs
-from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
-from .surface.patches_and_grain import mark_elevation
+from .light.scene_lights import ROLES
+from .remove import free_names, materials_of, remove, remove_leftovers, with_parts
+from .scene_objects import MadeObjects, ground_of, make_objects, site_ground_m, tag
+from .surface import sun_inputs
 
 #: Names for users of a scene, with names from ``built_scene`` and ``remove``.
 __all__ = [
@@ -116,17 +86,6 @@ __all__ = [
 OBJECTS = ("terrain", "sun", "camera", "rock", *ROLES, *LANDER_ROLES.values())
 
 
-def ground_of(settings: Settings) -> Terrain:
-    """The height function of the procedural ground."""
-    return make_terrain(settings, int(settings.dataset.seed))
-
-
-def site_ground_m(settings: Settings, ground: Surface) -> float:
-    """Height in metres of the ground under the left camera, with the detail of the mesh; NaN outside the ground."""
-    rig = settings.rig
-    return float(ground.heights(rig.x_m, rig.y_m, site_wavelength_m(settings.terrain, ground)))
-
-
 def measured_patch(built: Built) -> np.ndarray | None:
     """Heights (n, n) in metres on a grid over the patch of procedural ground; None for other ground."""
     if is_from_file(built.settings):
@@ -134,120 +93,6 @@ def measured_patch(built: Built) -> np.ndarray | None:
     if built.settings.mesh.kind == "GRADED":
         return patch_heights(ground_of(built.settings))
     return grid_heights(built.terrain.data, built.settings.terrain)
-
-
-def _tag(block: Any, role: str) -> Any:
-    block[TAG] = role
-    return block
-
-
-def _site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[float, list[str]]:
-    """Height in metres of the ground under the camera, and a warning if the camera is beside the ground."""
-    rig, size = settings.rig, settings.terrain.size_m
-    height = site_ground_m(settings, ground)
-    if own is not None and math.isnan(height):
-        return own.nearest_height_m(rig.x_m, rig.y_m), [
-            "There is no ground under the camera; change rig.x_m or rig.y_m, or move the ground with source.origin_x_m "
-            "and source.origin_y_m."]
-    if own is None and not isinstance(ground, Graded) and max(abs(rig.x_m), abs(rig.y_m)) > size / 2:
-        return height, [f"The camera is outside the {size:g} m patch of ground; change rig.x_m, rig.y_m or "
-                        "terrain.size_m."]
-    return height, []
-
-
-def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float,
-                 dug: DugGround | None) -> tuple[bpy.types.Object, list[str], int]:
-    """The object whose points are the rocks on the ground, ``dug`` or not, warnings, and how many lost support."""
-    seed, wanted, rig = int(settings.dataset.seed), with_absolute_files(settings).rocks, settings.rig
-    shapes = make_rock_shapes(wanted.family, wanted.angularity, seed)
-    with probe_heights(terrain) as height_at:
-        view = view_beyond(settings)
-        clear = rig.x_m, rig.y_m, wanted.clear_radius_m
-        before, moved = height_at if dug is None else dug.before(height_at), 0
-        rocks = scatter(wanted, size_m, seed, before, shapes, clear, view)
-        if dug is not None:
-            rocks, moved = settle_rocks(rocks, dug.change_m, height_at, shapes)
-    ice = build_rock_material(settings, terrain.data)
-    item = _tag(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
-    remove_unused([], [ice])  # it has no users if there are no rocks
-    warnings, most = [], count_of(wanted.most, "rock")
-    if rocks.smallest_m > (0.0 if wanted.law == TABLE else wanted.smallest_m):
-        warnings.append(f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {most}; "
-                        "raise rocks.most or rocks.smallest_m.")
-    if wanted.law == TABLE and (lost := min(len(read_table(Path(wanted.file))), wanted.most) - len(rocks.diameter_m)):
-        warnings.append(f"The scene lacks {count_of(lost, 'rock')} of {wanted.file}, off the ground or closer to the "
-                        "site than rocks.clear_radius_m.")
-    if view is not None and rocks.beyond_rad > view.smallest_rad:
-        width_px = rocks.beyond_rad * focal_px(rig)
-        warnings.append(f"Beyond the patch rocks under {width_px:.2g} px are left out to keep to {most}; "
-                        "raise rocks.most, rocks.beyond_px or rocks.smallest_m.")
-    return item, warnings, moved
-
-
-def _nearest_spacing_m(settings: Settings, ground: Surface, mesh: bpy.types.Mesh) -> float:
-    """Distance in metres between the nearest vertices that the cameras see; on ground from a file, a mean distance."""
-    if isinstance(ground, Graded):
-        height_m = float(settings.rig.height_m)
-        return float(ground.grading.spacing_at(math.sqrt(max(nearest_m(settings.rig) ** 2 - height_m**2, 0.0))))
-    if is_from_file(settings):
-        return math.sqrt(sum(each.area for each in mesh.polygons) / max(len(mesh.vertices), 1))
-    return vertex_spacing_m(settings.terrain)
-
-
-def _build_objects(settings: Settings, meshed: MeshedGround | None) -> tuple[
-        list[bpy.types.Object], bpy.types.World, list[str], UserGround | None, float, dict[str, Any]]:
-    """Make all objects of the scene (terrain, Sun, camera, then others) and its world.
-
-    ``meshed`` is the procedural ground, if it has been made already. Also returns warnings, the user's own ground or
-    None, the height in metres of the ground under the camera, and the report of the excavation.
-    """
-    # Errors come first, before anything is made.
-    if reasons := refused_scenes.reasons_of_settings(settings):
-        raise IcyMoonError(" ".join(reasons))
-    hapke_warnings = reflectance_laws.advice(settings)
-    sky = described_sky(settings)
-    own = load_ground(settings, ground_of) if is_from_file(settings) else None
-    ground_and_rock_materials.refuse_without_uv(settings, own is not None and own.uv is not None)
-    made = own or meshed or mesh_whole_ground(ground_of, settings)
-    dug = made if isinstance(made, DugGround) else None
-    ground: Surface = made.surface
-    site_m, warnings = _site(settings, ground, own)
-    warnings += [*hapke_warnings, *rounding_advice(settings.rig, site_m), *refused_scenes.scene_advice(settings)]
-    if own is not None:
-        if settings.rocks.coverage > 0:
-            refused_scenes.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
-        warnings += [*own.warnings, *doubt_sky(settings.light, own.map_place)]
-    else:
-        warnings += terrain_advice(settings, site_wavelength_m(settings.terrain, ground))
-        warnings += ground.advice(settings) if isinstance(ground, Graded) else []
-    mesh = made.build_mesh(f"{NAME} Terrain")
-    mark_elevation(mesh, settings.surface, ground.drop_m if isinstance(ground, Graded) else None)
-    warnings += ground_and_rock_materials.advice(settings)
-    warnings += displacement_advice(settings, _nearest_spacing_m(settings, ground, mesh))
-    try:
-        mesh.materials.append(build_ground_material(settings, mesh))
-    except IcyMoonError:  # an image that cannot be read
-        bpy.data.meshes.remove(mesh)
-        raise
-    warnings += ground_and_rock_materials.image_advice(settings, mesh)
-    terrain = _tag(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
-    terrain.pass_index = TERRAIN_INSTANCE
-    camera = _tag(build_rig(f"{NAME} Camera", jittered_rig(settings), site_m), "camera")
-    lights = build_lights(settings, sky, camera)
-    warnings += light_advice(sky, settings)
-    warnings += blur.blur_advice(settings)
-    objects = [terrain, lights[0], camera, *lights[1:]]
-    facts = dug.series.facts(dug.state) if dug is not None and dug.series is not None else {}
-    warnings += facts.get("advice", [])
-    if settings.rocks.coverage > 0:
-        rocks, rock_warnings, moved = _build_rocks(settings, terrain, ground.size_m, dug)
-        objects.append(rocks)
-        warnings += rock_warnings
-        facts |= {"rocks_moved": moved} if dug is not None else {}
-    if settings.lander.kind != "NONE":
-        objects += build_lander(settings, site_m, terrain)
-        warnings += find_contact(settings, site_m, terrain).advice()
-    return objects, _tag(build_sky(f"{NAME} Sky"), "sky"), warnings, own, site_m, facts
 
 
 def _adopt_children(removed: list[bpy.types.Object], terrain: bpy.types.Object) -> None:
@@ -313,7 +158,7 @@ def _make_collection(scene: bpy.types.Scene, ours: list[bpy.types.Object]) -> bp
 
     ``ours`` are unlinked from other collections.
     """
-    collection = _tag(bpy.data.collections.new(NAME), "scene")
+    collection = tag(bpy.data.collections.new(NAME), "scene")
     for item in ours:
         for other in item.users_collection:
             other.objects.unlink(item)
@@ -404,8 +249,32 @@ def build(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | Non
     there = _find_built_blocks(scene, collection)
     ours = [item for role, item in there.items() if role in OBJECTS]
     _refuse_editing(ours)
+    made = _make_in_memory(settings, meshed)
+    first = collection is None
+    if collection is None:
+        collection = _make_collection(scene, ours)
+    takes_camera = first or scene.camera is None or scene.camera in ours
+    takes_world = first or scene.world is None or TAG in scene.world
+    objects, kept = _put_in_place(collection, there, made.objects)
+    _link(collection, objects)
+    if takes_camera:
+        scene.camera = objects[2]
+    if takes_world:
+        scene.world = made.sky
+    remove_leftovers()
+    _name(objects, kept, [made.sky] if takes_world else [])
+    set_owned_blocks(collection, _blocks_to_own(objects))
+    disown_copies(collection)
+    update_sunlight(collection)
+    built = Built(collection, objects[0], objects[1], objects[2], merged(settings), scene, tuple(made.warnings))
+    _record(built, made)
+    return built
+
+
+def _make_in_memory(settings: Settings, meshed: MeshedGround | None) -> MadeObjects:
+    """The objects of the scene. Raises IcyMoonError also where there is not enough memory."""
     try:
-        objects, sky, warnings, own, site_m, dug = _build_objects(settings, meshed)
+        return make_objects(settings, meshed)
     except MemoryError:
         if is_mesh(settings):
             raise IcyMoonError("There is not enough memory for the mesh; make it coarser before the import.") from None
@@ -413,43 +282,40 @@ def build(scene: bpy.types.Scene, settings: Settings, meshed: MeshedGround | Non
             raise IcyMoonError("There is not enough memory for the mesh; lower mesh.most.") from None
         n = settings.terrain.resolution
         raise IcyMoonError(f"There is not enough memory for {n} x {n} vertices; lower terrain.resolution.") from None
-    first = collection is None
-    if collection is None:
-        collection = _make_collection(scene, ours)
-    rocks_collection = next((c for c in collection.children if c.get(TAG) == "rocks"), None)
-    if rocks_collection is None:
-        rocks_collection = _tag(bpy.data.collections.new(f"{NAME} Rocks"), "rocks")
-        collection.children.link(rocks_collection)
-    takes_camera = first or scene.camera is None or scene.camera in ours
-    takes_world = first or scene.world is None or TAG in scene.world
-    objects, kept = _put_in_place(collection, there, objects)
+
+
+def _link(collection: bpy.types.Collection, objects: list[bpy.types.Object]) -> None:
+    """Link objects to the built collection, rocks to a collection in it."""
+    of_rocks = next((c for c in collection.children if c.get(TAG) == "rocks"), None)
+    if of_rocks is None:
+        of_rocks = tag(bpy.data.collections.new(f"{NAME} Rocks"), "rocks")
+        collection.children.link(of_rocks)
     for item in objects:
         if item not in list(collection.all_objects):
-            (rocks_collection if item[TAG] == "rock" else collection).objects.link(item)
-    if takes_camera:
-        scene.camera = objects[2]
-    if takes_world:
-        scene.world = sky
-    remove_leftovers()
+            (of_rocks if item[TAG] == "rock" else collection).objects.link(item)
+
+
+def _name(objects: list[bpy.types.Object], kept: list[Any], skies: list[bpy.types.World]) -> None:
+    """Give the data-blocks their names, but for those that keep the names of earlier ones."""
     made, others = with_parts(objects)
-    named = [*made, *(o.data for o in made), *others, *materials_of(made)] + ([sky] if takes_world else [])
+    named = [*made, *(item.data for item in made), *others, *materials_of(made), *skies]
     free_names([block for block in named if block not in kept])
-    set_owned_blocks(collection, _blocks_to_own(objects))
-    disown_copies(collection)
-    update_sunlight(collection)
-    collection[SETTINGS] = json.dumps(merged(settings))
+
+
+def _record(built: Built, made: MadeObjects) -> None:
+    """Write into the collection what was built, for those who find it later."""
+    collection, settings, own = built.collection, built.settings, made.own
+    collection[SETTINGS] = json.dumps(settings)
     on_map = {"map": own.map_place} if own and own.map_place else {}
-    collection[GROUND] = json.dumps({"report": own.report, "site_m": site_m, **on_map} if own else {})
-    collection[SITE] = site_m
+    collection[GROUND] = json.dumps({"report": own.report, "site_m": made.site_m, **on_map} if own else {})
+    collection[SITE] = made.site_m
     collection[CONTENT] = content(settings)
-    collection[EXCAVATION] = json.dumps(dug)
-    built = Built(collection, objects[0], objects[1], objects[2], merged(settings), scene, tuple(warnings))
+    collection[EXCAVATION] = json.dumps(made.excavation)
     built.warnings += tuple(eyes_above_ground.reasons_when_built(built))
     collection[STATISTICS] = json.dumps(patch_statistics(measured_patch(built), settings.terrain))
     collection[FINGERPRINT], collection[PREVIEW] = json.dumps(parts(collection)), "{}"
     collection[NOTES] = "[]"
     collection.pop(REFINED, None)
-    return built
 
 
 def clear(scene: bpy.types.Scene) -> bool:

@@ -11,6 +11,7 @@ from built_scenes import everything, positions
 from icymoon import compat, scene_properties
 from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
+from icymoon.nodes import scene_objects
 from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint
 from icymoon.nodes.tree.builder import Tree
 from icymoon.physics.light.directions import toward
@@ -162,7 +163,7 @@ def test_too_little_memory_is_a_sentence_and_changes_nothing(monkeypatch):
     def no_memory(*_):
         raise MemoryError
 
-    monkeypatch.setattr(scenes, "mesh_whole_ground", no_memory)
+    monkeypatch.setattr(scene_objects, "mesh_whole_ground", no_memory)
     with pytest.raises(IcyMoonError, match=r"terrain\.resolution"):
         scenes.build(scene, complete())
     assert fingerprint(scenes.find_collection(scene)) == mark

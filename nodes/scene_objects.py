@@ -1,0 +1,201 @@
+"""Makes the objects of a scene from its settings, before any of them takes the place of an earlier one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from ..errors import IcyMoonError
+from ..labels import TERRAIN_INSTANCE
+from ..number_text import count_of
+from ..physics import refused_scenes
+from ..physics.camera import blur
+from ..physics.camera.stereo_geometry import rounding_advice
+from ..physics.excavation.jitter import jittered_rig
+from ..physics.excavation.unsupported_rocks import settle_rocks
+from ..physics.light.map_sky import doubt_sky
+from ..physics.mesh.fine_relief import displacement_advice, nearest_m
+from ..physics.mesh.graded_ground import Graded
+from ..physics.mesh.height_surface import Surface
+from ..physics.rig.focal_length import focal_px
+from ..physics.rocks.beyond_patch import view_beyond
+from ..physics.rocks.rocks import scatter
+from ..physics.rocks.shapes import make_rock_shapes
+from ..physics.rocks.table import TABLE, read_table
+from ..physics.terrain.terrain import Terrain, make_terrain, terrain_advice
+from ..settings.topics.scene import Settings
+from .datablocks.blend_file_paths import with_absolute_files
+from .datablocks.fingerprint import NAME, TAG
+from .ground.dug_ground import DugGround, mesh_whole_ground
+from .ground.heights_under import probe_heights
+from .ground.rocks import build_rocks
+from .ground.terrain_mesh import (
+    MeshedGround,
+    site_wavelength_m,
+    vertex_spacing_m,
+)
+from .ground.user_ground import UserGround, is_from_file, load_ground
+from .lander.contact import find_contact
+from .lander.objects import build_lander
+from .light.scene_lights import advice as light_advice
+from .light.scene_lights import build_lights, described_sky
+from .light.sun_lamp import build_sky
+from .remove import remove_unused
+from .rig import build_rig
+from .surface import ground_and_rock_materials, reflectance_laws
+from .surface.ground_and_rock_materials import build_ground_material, build_rock_material
+from .surface.patches_and_grain import mark_elevation
+
+
+@dataclass
+class MadeObjects:
+    """What a scene consists of, not in any collection yet."""
+
+    objects: list[bpy.types.Object]  # the terrain, the Sun, the camera, then others
+    sky: bpy.types.World
+    own: UserGround | None  # the user's own ground
+    site_m: float  # height of the ground under the camera
+    warnings: list[str] = field(default_factory=list)
+    excavation: dict[str, Any] = field(default_factory=dict)  # its report
+
+
+def tag(block: Any, role: str) -> Any:
+    """Mark a data-block as ours, in a role."""
+    block[TAG] = role
+    return block
+
+
+def ground_of(settings: Settings) -> Terrain:
+    """The height function of the procedural ground."""
+    return make_terrain(settings, int(settings.dataset.seed))
+
+
+def site_ground_m(settings: Settings, ground: Surface) -> float:
+    """Height in metres of the ground under the left camera, with the detail of the mesh; NaN outside the ground."""
+    rig = settings.rig
+    return float(ground.heights(rig.x_m, rig.y_m, site_wavelength_m(settings.terrain, ground)))
+
+
+def make_objects(settings: Settings, meshed: MeshedGround | None) -> MadeObjects:
+    """Make all objects of the scene and its world. ``meshed`` is the procedural ground, if it has been made already.
+
+    Raises IcyMoonError, before anything is made, for settings that cannot be built.
+    """
+    if reasons := refused_scenes.reasons_of_settings(settings):
+        raise IcyMoonError(" ".join(reasons))
+    hapke_warnings = reflectance_laws.advice(settings)
+    sky = described_sky(settings)
+    own = load_ground(settings, ground_of) if is_from_file(settings) else None
+    ground_and_rock_materials.refuse_without_uv(settings, own is not None and own.uv is not None)
+    ground = own or meshed or mesh_whole_ground(ground_of, settings)
+    site_m, warnings = _site(settings, ground.surface, own)
+    warnings += [*hapke_warnings, *rounding_advice(settings.rig, site_m), *refused_scenes.scene_advice(settings),
+                 *_advise_on_ground(settings, ground.surface, own)]
+    terrain = _make_terrain(settings, ground, warnings)
+    camera = tag(build_rig(f"{NAME} Camera", jittered_rig(settings), site_m), "camera")
+    lights = build_lights(settings, sky, camera)
+    warnings += [*light_advice(sky, settings), *blur.blur_advice(settings)]
+    made = MadeObjects([terrain, lights[0], camera, *lights[1:]], tag(build_sky(f"{NAME} Sky"), "sky"), own, site_m,
+                       warnings)
+    _add_what_lies_there(made, settings, ground)
+    return made
+
+
+def _advise_on_ground(settings: Settings, ground: Surface, own: UserGround | None) -> list[str]:
+    if own is None:
+        return [*terrain_advice(settings, site_wavelength_m(settings.terrain, ground)),
+                *(ground.advice(settings) if isinstance(ground, Graded) else [])]
+    if settings.rocks.coverage > 0:
+        refused_scenes.refuse_no_rocks(settings.rocks, ground.size_m, "source.file")
+    return [*own.warnings, *doubt_sky(settings.light, own.map_place)]
+
+
+def _make_terrain(settings: Settings, made: MeshedGround | UserGround, warnings: list[str]) -> bpy.types.Object:
+    """The object of the ground with its material; adds to the ``warnings``."""
+    ground = made.surface
+    mesh = made.build_mesh(f"{NAME} Terrain")
+    mark_elevation(mesh, settings.surface, ground.drop_m if isinstance(ground, Graded) else None)
+    warnings += ground_and_rock_materials.advice(settings)
+    warnings += displacement_advice(settings, _nearest_spacing_m(settings, ground, mesh))
+    try:
+        mesh.materials.append(build_ground_material(settings, mesh))
+    except IcyMoonError:  # an image that cannot be read
+        bpy.data.meshes.remove(mesh)
+        raise
+    warnings += ground_and_rock_materials.image_advice(settings, mesh)
+    terrain = tag(bpy.data.objects.new(f"{NAME} Terrain", mesh), "terrain")
+    terrain.pass_index = TERRAIN_INSTANCE
+    return terrain
+
+
+def _add_what_lies_there(made: MadeObjects, settings: Settings, ground: MeshedGround | UserGround) -> None:
+    """Add rocks, the lander and the report of the excavation."""
+    dug, terrain = ground if isinstance(ground, DugGround) else None, made.objects[0]
+    if dug is not None and dug.series is not None:
+        made.excavation = dug.series.facts(dug.state)
+        made.warnings += made.excavation.get("advice", [])
+    if settings.rocks.coverage > 0:
+        rocks, warnings, moved = _build_rocks(settings, terrain, ground.surface.size_m, dug)
+        made.objects.append(rocks)
+        made.warnings += warnings
+        made.excavation |= {"rocks_moved": moved} if dug is not None else {}
+    if settings.lander.kind != "NONE":
+        made.objects += build_lander(settings, made.site_m, terrain)
+        made.warnings += find_contact(settings, made.site_m, terrain).advice()
+
+
+def _site(settings: Settings, ground: Surface, own: UserGround | None) -> tuple[float, list[str]]:
+    """Height in metres of the ground under the camera, and a warning if the camera is beside the ground."""
+    rig, size = settings.rig, settings.terrain.size_m
+    height = site_ground_m(settings, ground)
+    if own is not None and math.isnan(height):
+        return own.nearest_height_m(rig.x_m, rig.y_m), [
+            "There is no ground under the camera; change rig.x_m or rig.y_m, or move the ground with source.origin_x_m "
+            "and source.origin_y_m."]
+    if own is None and not isinstance(ground, Graded) and max(abs(rig.x_m), abs(rig.y_m)) > size / 2:
+        return height, [f"The camera is outside the {size:g} m patch of ground; change rig.x_m, rig.y_m or "
+                        "terrain.size_m."]
+    return height, []
+
+
+def _build_rocks(settings: Settings, terrain: bpy.types.Object, size_m: float,
+                 dug: DugGround | None) -> tuple[bpy.types.Object, list[str], int]:
+    """The object whose points are the rocks on the ground, ``dug`` or not, warnings, and how many lost support."""
+    seed, wanted, rig = int(settings.dataset.seed), with_absolute_files(settings).rocks, settings.rig
+    shapes = make_rock_shapes(wanted.family, wanted.angularity, seed)
+    with probe_heights(terrain) as height_at:
+        view = view_beyond(settings)
+        clear = rig.x_m, rig.y_m, wanted.clear_radius_m
+        before, moved = height_at if dug is None else dug.before(height_at), 0
+        rocks = scatter(wanted, size_m, seed, before, shapes, clear, view)
+        if dug is not None:
+            rocks, moved = settle_rocks(rocks, dug.change_m, height_at, shapes)
+    ice = build_rock_material(settings, terrain.data)
+    item = tag(build_rocks(f"{NAME} Rock", rocks, shapes, ice, TAG), "rock")
+    remove_unused([], [ice])  # it has no users if there are no rocks
+    warnings, most = [], count_of(wanted.most, "rock")
+    if rocks.smallest_m > (0.0 if wanted.law == TABLE else wanted.smallest_m):
+        warnings.append(f"Rocks under {rocks.smallest_m:.3g} m are left out to keep to {most}; "
+                        "raise rocks.most or rocks.smallest_m.")
+    if wanted.law == TABLE and (lost := min(len(read_table(Path(wanted.file))), wanted.most) - len(rocks.diameter_m)):
+        warnings.append(f"The scene lacks {count_of(lost, 'rock')} of {wanted.file}, off the ground or closer to the "
+                        "site than rocks.clear_radius_m.")
+    if view is not None and rocks.beyond_rad > view.smallest_rad:
+        width_px = rocks.beyond_rad * focal_px(rig)
+        warnings.append(f"Beyond the patch rocks under {width_px:.2g} px are left out to keep to {most}; "
+                        "raise rocks.most, rocks.beyond_px or rocks.smallest_m.")
+    return item, warnings, moved
+
+
+def _nearest_spacing_m(settings: Settings, ground: Surface, mesh: bpy.types.Mesh) -> float:
+    """Distance in metres between the nearest vertices that the cameras see; on ground from a file, a mean distance."""
+    if isinstance(ground, Graded):
+        height_m = float(settings.rig.height_m)
+        return float(ground.grading.spacing_at(math.sqrt(max(nearest_m(settings.rig) ** 2 - height_m**2, 0.0))))
+    if is_from_file(settings):
+        return math.sqrt(sum(each.area for each in mesh.polygons) / max(len(mesh.vertices), 1))
+    return vertex_spacing_m(settings.terrain)
