@@ -34,6 +34,7 @@ from ..physics.camera.stereo_camera import StereoCamera
 from ..physics.scene_requirements import can_be_baked, clear_rocks, direct_quality
 from ..rays.stereo_truth import Stage
 from ..settings.topics.lander import WorkspaceSettings
+from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
 from ..support.foreign_bytes import OverBudgetError
 from . import cycles_settings, hidden_pixels, passes, separate_lights, unlit
@@ -194,29 +195,48 @@ def _camera_setups(camera: StereoCamera, blur: Blur | None, full: bool) -> list[
     return [*takes, _CameraSetup(None, True, ((TRUTH, TOED_TRUTH_FILE),))] if toed else takes
 
 
+@dataclass(frozen=True)
+class _Rendered:
+    """What the renders of a pair made, before its files are put together."""
+
+    files: dict[str, dict[str, Path]]  # by name in the pair, then by layer
+    poses: dict[str, Any]
+    light: dict[str, Any]
+    engine: dict[str, str]  # the pair's statement about its truth
+    seconds: dict[str, float]
+
+
 def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: PlannedPair,
                  report: Callable[[float], None], indirect: Indirect, rays: RaysOfScene) -> dict[str, Any]:
+    """Render a pair into the folder ``part`` and return the content of its pair.json."""
+    settings = planned.settings
+    quality = direct_quality(settings.quality) if indirect.lights else settings.quality
+    rounded = rounded_passes(quality.files, quality.half_floats)
+    made = _render_takes(part, built, scene, planned, report, bool(indirect.lights), rays, quality, rounded)
+    start = time.perf_counter()
+    written, shares, noise_of_image = _write_files(part, made.files, planned, bool(indirect.lights), rounded)
+    if settings.workspace.cell_m > 0:
+        written[WORKSPACE_FILE] = _fact_of(part / WORKSPACE_FILE)
+    seconds = {**made.seconds, "write": round(time.perf_counter() - start, 3)}
+    return {**pair_json(built, planned, made.poses, made.light, written, seconds, quality.denoiser,
+                        indirect.to_json(shares, noise_of_image)),
+            **({"truth": made.engine} if made.engine else {}), **lander_json(built, settings, made.poses, part)}
+
+
+def _render_takes(part: Path, built: Built, scene: bpy.types.Scene, planned: PlannedPair,
+                  report: Callable[[float], None], baked: bool, rays: RaysOfScene, quality: QualitySettings,
+                  rounded: set[str]) -> _Rendered:
+    """Render radiance and truth by all cameras of the pair. ``baked`` is whether the light of the ground is."""
     settings = planned.settings
     camera, blur = StereoCamera.from_settings(settings.rig), blur_of(settings)
     takes = _camera_setups(camera, blur, _is_full(planned))
-    quality = direct_quality(settings.quality) if indirect.lights else settings.quality
-    rounded = rounded_passes(quality.files, quality.half_floats)
     files: dict[str, dict[str, Path]] = {}
-    shares: dict[str, dict[str, float]] = {}
-    noise_of_image = None
     start = time.perf_counter()
     with turn_about_eye(built.camera, planned.turn_deg), _turn_head(built, planned.turn_deg):
-        cycles_settings.apply(scene, quality, planned.render_seed, blur is not None, clear_rocks(settings))
-        if indirect.lights:
-            scene.cycles.max_bounces = 0
-        prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
+        lights = _prepare_cycles(scene, built, planned, quality, blur is not None, baked)
         poses = eye_poses(built.camera.matrix_world, built.camera.data.stereo.interocular_distance)
         stage, engine = _choose_engine(rays, settings, takes)
         clip_m = built.camera.data.clip_start, built.camera.data.clip_end
-        lights = separate_lights.light_passes(scene, built)
-        # Objects that move during a render are not kept for the next one, nor are surfaces that change in between.
-        scene.render.use_persistent_data = (blur is None and len(lights) == 1 and not scene.cycles.shading_system
-                                            and _triangle_count(built) <= MOST_KEPT_TRIANGLES)
         truths = 0 if stage else (sum(layer == TRUTH for take in takes for layer, _ in take.images)
                                   + (len(hidden_pixels.STEPS_PX) if _is_full(planned) else 0))
         with (watch_samples(len(lights) * int(quality.samples), truths, report) as sampling,
@@ -239,24 +259,44 @@ def _render_into(part: Path, built: Built, scene: bpy.types.Scene, planned: Plan
         light = light_json(built, settings.light.directions_from)
         if settings.workspace.cell_m > 0:
             _write_workspace(part / WORKSPACE_FILE, rays, settings.workspace)
-    rendered = time.perf_counter() - start
-    start = time.perf_counter()
+    seconds = {"render": round(time.perf_counter() - start, 3), "sampling": round(sampling.seconds, 3)}
+    return _Rendered(files, poses, light, engine, seconds)
+
+
+def _prepare_cycles(scene: bpy.types.Scene, built: Built, planned: PlannedPair, quality: QualitySettings, blurred: bool,
+                    baked: bool) -> list[separate_lights.LightPass]:
+    """Set up Cycles for the radiance of a pair and return its lights, each a render."""
+    cycles_settings.apply(scene, quality, planned.render_seed, blurred, clear_rocks(planned.settings))
+    if baked:
+        scene.cycles.max_bounces = 0
+    prepare_for_cycles(scene, built.materials, built.sun, built.planetshine)
+    lights = separate_lights.light_passes(scene, built)
+    # Objects that move during a render are not kept for the next one, nor are surfaces that change in between.
+    scene.render.use_persistent_data = (not blurred and len(lights) == 1 and not scene.cycles.shading_system
+                                        and _triangle_count(built) <= MOST_KEPT_TRIANGLES)
+    return lights
+
+
+def _write_files(part: Path, files: dict[str, dict[str, Path]], planned: PlannedPair, baked: bool,
+                 rounded: set[str]) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, float]], float | None]:
+    """Put layers together into the files of the pair, with baked light added.
+
+    Returns the facts of each file, the share of baked light by eye, and its noise in the judged image, if any.
+    """
     written: dict[str, dict[str, Any]] = {}
+    shares: dict[str, dict[str, float]] = {}
+    noise_of_image = None
     for name, layers in sorted(files.items()):
         with _report_unreadable(planned):
             found = _read_layers(layers, part / name)
             unwanted = {*BAKED_ERROR_PASSES.values()}
-            if indirect.lights and BEAUTY in found:
+            if baked and BEAUTY in found:
                 found[BEAUTY], shares[Path(name).stem] = add_baked(found[BEAUTY])
                 if name == f"{_JUDGED}.exr":
                     noise_of_image, unwanted = noise_of_baked(found[BEAUTY]), set()
-            written[name] = _write_layers(found, part / name, rounded, quality.files == "COMPACT", unwanted)
-    if settings.workspace.cell_m > 0:
-        written[WORKSPACE_FILE] = _fact_of(part / WORKSPACE_FILE)
-    return {**pair_json(built, planned, poses, light, written, {
-        "render": round(rendered, 3), "sampling": round(sampling.seconds, 3),
-        "write": round(time.perf_counter() - start, 3)}, quality.denoiser, indirect.to_json(shares, noise_of_image)),
-        **({"truth": engine} if engine else {}), **lander_json(built, settings, poses, part)}
+            compact = planned.settings.quality.files == "COMPACT"
+            written[name] = _write_layers(found, part / name, rounded, compact, unwanted)
+    return written, shares, noise_of_image
 
 
 def _choose_engine(rays: RaysOfScene, settings: Settings,
