@@ -62,7 +62,7 @@ def _positions(spice: Any, body: str, parent: str, date_utc: str, latitude_deg: 
     latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
     site = spice.srfrec(spice.bods2c(body), longitude, latitude)
     radii = spice.bodvrd(body, "RADII", 3)[1]
-    axes = local_axes(np.asarray(spice.surfnm(*radii, site)), longitude)
+    axes = local_axes(np.asarray(spice.surfnm(*radii, site)), longitude, radii)
 
     def seen(target: str) -> np.ndarray:
         state, _ = spice.spkcpo(target, time, frame, "OBSERVER", "LT+S", site, body, frame)

@@ -85,8 +85,8 @@ def _check_named(earlier: _Layer, later: _Layer) -> None:
     named = [key for key in lost if key in later.names]
     fix = (f"state all values of {' and '.join(named)} in one of the two" if named else
            "let the sweep of presets come first")
-    raise IcyMoonError(f"{later.place}: this sweep sets {', '.join(lost)}, so what {earlier.place} states of that would "
-                       f"be lost; {fix}{_or_replace(earlier, later)}.")
+    raise IcyMoonError(f"{later.place}: this sweep sets {', '.join(lost)}, so what {earlier.place} states of that "
+                       f"would be lost; {fix}{_or_replace(earlier, later)}.")
 
 
 def _check_differences(base: Settings, earlier: _Layer, over: Sequence[_Layer]) -> None:

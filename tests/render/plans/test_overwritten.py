@@ -58,13 +58,14 @@ def test_two_sweeps_give_every_combination_or_are_refused(plan):
     heading, pitch, *_, turns, headings, pitches, sites, _ = SWEEPS
     assert frozenset((heading, headings)) in refused
     assert frozenset((pitch, pitches)) in refused
-    assert not {frozenset(each) for each in ((heading, turns), (heading, pitch), (pitch, headings), (sites, turns))} & refused
+    assert not refused & {frozenset(each) for each in ((heading, turns), (heading, pitch), (pitch, headings),
+                                                       (sites, turns))}
 
 
 @pytest.mark.parametrize(("sweeps", "words"), [
     (('kind = "grid"\nrig.heading_deg = [0, 10, 20]', 'kind = "panorama"\nheadings = [0, 90]'),
-     "line 6: this sweep sets rig.heading_deg, so what {file}, line 3 states of that would be lost; state all values of "
-     "rig.heading_deg in one of the two."),
+     "line 6: this sweep sets rig.heading_deg, so what {file}, line 3 states of that would be lost; state all values "
+     "of rig.heading_deg in one of the two."),
     (('kind = "cases"\ncase = [{ rig.baseline_m = 0.1, rig.height_m = 1.0 }, { rig.height_m = 2.0 }]',
       'kind = "grid"\nrig.baseline_m = [0.3]'), "state all values of rig.baseline_m in one of the two."),
     (('kind = "random"\ncount = 2\nlight.sun_irradiance_wm2 = { uniform = [1, 2] }',
