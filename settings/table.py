@@ -761,8 +761,8 @@ LIGHT = Topic("light", "Light", "The Sun and the planet, which are the only ligh
              "Planetocentric latitude of the site. It sets the elevation of the poles; a Sun given by angles does not "
              "depend on it", "light"),
     _degrees("longitude_deg", "Longitude", 0.0, -360.0, 360.0,
-             "East longitude of the site. The planet is above longitude -4 on Enceladus and -1.5 on Europa. At a pole, "
-             "north is that of this meridian", "light"),
+             "East longitude of the site; at a pole, of the meridian whose north is north. The planet is above "
+             "longitude -4 on Enceladus and -1.5 on Europa", "light"),
     Setting("kernels", "Kernels", "", "A meta-kernel, or a folder from which all kernels are loaded", "light",
             subtype="FILE_PATH", trust="read"),
     Setting("sun_irradiance_wm2", "Sun Irradiance (W/m²)", 14.82,

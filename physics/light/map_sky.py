@@ -31,7 +31,7 @@ def doubt_sky(light: LightSettings, place: Mapping[str, Any] | None) -> list[str
         over = math.copysign(1.0, latitude)
         found = _signed_deg(north - over * (light.longitude_deg - longitude))
         if abs(found) > _TURNED_DEG:
-            said.append(f"At this pole light.longitude_deg {light.longitude_deg:g} says where north is, {found:.1f}° "
+            said.append(f"At this pole light.longitude_deg {light.longitude_deg:g} sets where north is, {found:.1f}° "
                         f"clockwise of the map's up, from which the azimuths of a date are counted; set "
                         f"light.longitude_deg to {_signed_deg(longitude + over * north):.4f}, whose north is up.")
         return said
