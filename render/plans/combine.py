@@ -22,6 +22,7 @@ from ...settings.preset_files import beside
 from ...settings.table import TOPICS, all_settings
 from ...settings.table_texts import Texts
 from ...settings.user_files import content, used_files
+from ...support.foreign_bytes import backslash_note
 from ...typed_settings import Settings
 from . import poses, sweeps
 from .indirect import choose_indirect
@@ -361,6 +362,7 @@ def _check_files(made: _Combination) -> None:
         raise _at_place(error, _place_named_in(error, made)) from None
     for name, path in files.items():
         if not (path.is_file() or (name == "light.kernels" and path.is_dir())):
-            raise _at_place(IcyMoonError(f"{name}: {path} is missing; put it there, or extend this plan by one of your "
-                                         "own that names another file, or that states its folder in plan.files."),
+            raise _at_place(IcyMoonError(f"{name}: {path} is missing{backslash_note(path)}; put it there, or "
+                                         "extend this plan by one of your own that names another file, or that states "
+                                         "its folder in plan.files."),
                             made.place_of(name))
