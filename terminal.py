@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 #: Seconds between lines of progress where there is no terminal.
 _LINE_S = 15.0
 
+#: The word for what an option takes if it is not given, where help prints that word.
+ALL = "all"
+
+
 class Parser(argparse.ArgumentParser):
     """A parser of a command line, whose messages are printed as all others are."""
 
@@ -38,6 +42,11 @@ def as_path(text: str) -> Path:
         return parse_path(text, "the path")
     except IcyMoonError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def named(names: Sequence[str]) -> list[str]:
+    """The names that an option states, which are none for ``ALL``."""
+    return [] if list(names) == [ALL] else list(names)
 
 
 def run_verb(parser: argparse.ArgumentParser, arguments: Sequence[str] | None, program: str, stopped: str,

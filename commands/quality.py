@@ -15,7 +15,7 @@ from ..render.workers.process import Message, report_errors
 from ..scratch import scratch_folder
 from ..settings import description, toml_text
 from ..support import printer
-from ..terminal import as_path, show_counted_progress, show_progress
+from ..terminal import as_path, named, show_counted_progress, show_progress
 from .renderer_options import add_blender_option
 from .scene_options import add_scene_options, read_settings
 
@@ -149,7 +149,7 @@ def _run_trade(options: argparse.Namespace) -> int:
         _say_all(report["decision_advice"])
         printer.say(str(page))
 
-    groups = [group for group in options.groups.split(",") if group]
+    groups = named([group for group in options.groups.split(",") if group])
     return _run_bench(options, "Measuring", lambda bench: {**run_trade(bench, groups), "report": str(page)}, show,
                       options.repeats)
 

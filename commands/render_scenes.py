@@ -14,7 +14,7 @@ from ..settings import description, preset_files
 from ..settings.topics.declaration import Parts
 from ..settings.topics.scene import Settings
 from ..support import printer
-from ..terminal import as_path, show_progress
+from ..terminal import as_path, named, show_progress
 from .renderer_options import add_blender_option, add_cards_option
 from .scene_options import add_scene_options, read_settings
 
@@ -100,20 +100,21 @@ def _run_gallery(options: argparse.Namespace) -> int:
 
     known = [name.removeprefix("gallery/") for name in preset_files.preset_names("gallery")]
     out = options.out.absolute()
-    if unknown := sorted(set(options.only) - set(known)):
+    only = named(options.only)
+    if unknown := sorted(set(only) - set(known)):
         raise IcyMoonError(f"--only: no scene of the gallery is called {unknown[0]!r}; there are {', '.join(known)}.")
     if not abs(options.stops) <= _MOST_STOPS:
         raise IcyMoonError(f"--stops is {options.stops:g}, not a number from -{_MOST_STOPS:g} to {_MOST_STOPS:g}.")
     ending = f"_{options.stops:+g}" if options.stops else ""
-    chosen, shown_on_sheet = options.only or known, []
+    shown, shown_on_sheet = only or known, []
     described = {name: description.merged(description.defaults(), preset_files.load_preset(f"gallery/{name}"))
-                 for name in chosen}
+                 for name in shown}
     check_abilities(described.values(), options.blender)
     for name in known:
         preset, picture = f"gallery/{name}", out / f"{name}{ending}.jpg"
         title, text = preset_files.preset_header(preset)
         command = f"icymoon render --preset {preset}"
-        if name in chosen:
+        if name in shown:
             printer.say(f"{title}. {text}: python -m {command} --out DATASET", at_once=True)
             pair, = render_settings(scaled_view(described[name], options.scale), out, options.blender)
             write_picture(pair, picture, options.stops)

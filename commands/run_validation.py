@@ -13,7 +13,7 @@ from ..stereo.environment import packages
 from ..suggestions import nearest
 from ..support import printer
 from ..support.foreign_bytes import MOST_TEXT, read
-from ..terminal import show_progress
+from ..terminal import named, show_progress
 from ..validation.all_comparisons import load_comparisons
 from ..validation.comparison import AGREES, OFF, Bench, Comparison, Result, load_own_comparison, run_comparison
 from ..validation.tables import cells, markdown_section, replace_sections, summary
@@ -34,8 +34,9 @@ def choose_comparisons(only: Sequence[str], own: Sequence[Path], quick: bool) ->
 def run_validate(options: argparse.Namespace) -> int:
     """Run the verb and return the exit status: 0 if all comparisons pass. Raises IcyMoonError for bad options."""
     packages.require("numpy", "cv2", "OpenEXR")
-    chosen = choose_comparisons(options.only, options.own_files, options.quick)
-    without = [each for each in chosen if each.needs and each.name not in options.only
+    only = named(options.only)
+    chosen = choose_comparisons(only, options.own_files, options.quick)
+    without = [each for each in chosen if each.needs and each.name not in only
                and getattr(options, each.needs) is None]
     for each in without:
         printer.warn(f"{each.title}: left out, because it needs data; give their folder by --{each.needs}.")

@@ -10,7 +10,7 @@ from ..paper_stand_ins.items import MESH_PIXELS, PIXELS
 from ..settings.topics.stand_ins import MESHES, TEXTURES, MeshItem, TextureItem
 from ..suggestions import nearest
 from ..support.printer import say
-from ..terminal import as_path
+from ..terminal import as_path, named
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -29,7 +29,7 @@ def _find_items(names: list[str]) -> list[TextureItem | MeshItem]:
 
 
 def _run(options: argparse.Namespace) -> int:
-    for item in _find_items(options.names):
+    for item in _find_items(named(options.names)):
         if options.out is None:
             say(_describe(item))
             continue

@@ -15,6 +15,8 @@ from typing import Any
 
 #: Step in metres over which scale is measured.
 _STEP_M = 1.0
+#: Distance in metres from a pole within which a place is at the pole: rounding of its coordinates is less.
+_AT_POLE_M = 1e-3
 #: Mean radius of Earth, and the radius of the sphere of web maps.
 _EARTH_M, _WEB_M = 6371008.8, 6378137.0
 _MODEL_KEY, _PROJECTED_KEY, _METHOD_KEY, _USER_DEFINED, _GEOGRAPHIC = 1024, 3072, 3075, 32767, 2
@@ -66,8 +68,13 @@ class LocalScale:
 
 
 def local_scale(system: MapSystem, x_m: float, y_m: float) -> LocalScale:
-    """The scale of a map at a place, in its coordinates in metres. Raises ValueError beyond the map's edge."""
+    """The scale of a map at a place, in its coordinates in metres. Raises ValueError beyond the map's edge.
+
+    A pole, which has every longitude, has the central one of the map.
+    """
     longitude, latitude = system.to_sphere(x_m, y_m)
+    if math.radians(90.0 - abs(latitude)) * system.radius_m < _AT_POLE_M:
+        longitude, latitude = (system.longitude_deg + 180.0) % 360.0 - 180.0, math.copysign(90.0, latitude)
     east, north, _ = _axes(longitude, latitude)
     half = _STEP_M / 2
 
@@ -119,7 +126,7 @@ def _polar_stereographic(s: MapSystem, x: float, y: float) -> tuple[float, float
 
 def _transverse_mercator(s: MapSystem, x: float, y: float) -> tuple[float, float]:
     x, d = x / s.scale, y / s.scale + math.radians(s.latitude_deg)
-    return math.atan2(math.sinh(x), math.cos(d)), math.asin(math.sin(d) / math.cosh(x))
+    return _of_direction(math.sinh(x), math.cos(d), math.sin(d))
 
 
 def _azimuthal(angle: Callable[[MapSystem, float], float]) -> Callable[[MapSystem, float, float], tuple[float, float]]:
@@ -129,11 +136,15 @@ def _azimuthal(angle: Callable[[MapSystem, float], float]) -> Callable[[MapSyste
         if rho == 0:
             return 0.0, origin
         c = angle(s, rho)
-        latitude = math.asin(max(-1.0, min(1.0, math.cos(c) * math.sin(origin)
-                                           + y * math.sin(c) * math.cos(origin) / rho)))
-        return math.atan2(x * math.sin(c), rho * math.cos(origin) * math.cos(c)
-                          - y * math.sin(origin) * math.sin(c)), latitude
+        return _of_direction(x * math.sin(c) / rho,
+                             math.cos(origin) * math.cos(c) - y * math.sin(origin) * math.sin(c) / rho,
+                             math.cos(c) * math.sin(origin) + y * math.sin(c) * math.cos(origin) / rho)
     return inverse
+
+
+def _of_direction(east: float, ahead: float, up: float) -> tuple[float, float]:
+    """Longitude and latitude of a direction of any length. A sine alone would leave decimetres about the poles."""
+    return math.atan2(east, ahead), math.atan2(up, math.hypot(east, ahead))
 
 
 def _conic_conformal(s: MapSystem, x: float, y: float) -> tuple[float, float]:

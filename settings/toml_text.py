@@ -10,7 +10,7 @@ from typing import Any
 from ..errors import IcyMoonError
 from ..files import read_text
 from ..plugins.landforms import PREFIX, RELEASE
-from ..support.foreign_bytes import parse_toml, path_hint
+from ..support.foreign_bytes import parse_toml, path_hint, reason_of
 from .topics.declaration import Value
 
 
@@ -20,7 +20,7 @@ def toml_and_text(path: Path) -> tuple[dict[str, Any], str]:
         text = read_text(path)
         return parse_toml(text), text
     except OSError as error:
-        raise IcyMoonError(f"{path}: cannot be read ({error.strerror}).") from None
+        raise IcyMoonError(f"{path}: cannot be read ({reason_of(error)}).") from None
     except ValueError as error:  # no TOML, or no UTF-8
         raise IcyMoonError(f"{path}: is not valid TOML ({error}){path_hint(error)}.") from None
 

@@ -15,6 +15,7 @@ from ..formats import mesh_file, mesh_images
 from ..paper_stand_ins.items import RECIPE, items_of
 from ..physics.arm.own_arm import arm_files
 from ..physics.light.kernels import kernel_files
+from ..support.foreign_bytes import reason_of
 from .table import TOPICS
 from .topics.scene import Settings
 
@@ -53,7 +54,8 @@ def content(settings: Settings, blend_folder: str | None = None) -> str:
             states = [(part, part.stat().st_size, part.stat().st_mtime_ns) for part in _parts(settings, name, path)]
             marks.append(name + "".join(_sha256(*state) for state in states))
         except OSError as error:
-            raise IcyMoonError(f"{error.filename or path}: cannot be read ({error.strerror}); check {name}.") from None
+            raise IcyMoonError(f"{error.filename or path}: cannot be read ({reason_of(error)}); check "
+                               f"{name}.") from None
     # Stand-ins are made where they are needed. Their recipe counts, not how this machine has rounded them.
     marks += [f"{item.key} {RECIPE}" for item in items_of(settings)]
     return hashlib.sha256("".join(marks).encode()).hexdigest() if marks else ""

@@ -230,8 +230,8 @@ def add_evaluate_options(command: argparse.ArgumentParser, out_needed: bool = Tr
     """Add the arguments of ``evaluate``; ``run_evaluate`` runs it. ``python -m icymoon`` has the same verb."""
     command.add_argument("path", type=as_path, nargs="+", metavar="PAIR_OR_DATASET",
                          help="pair folder, data set of pairs, or foreign data such as KITTI's; may be several")
-    command.add_argument("--methods", help="matchers, separated by commas; with their own options, as in bm:window=21 "
-                         "(bm,sgbm, or none with --predictions)")
+    command.add_argument("--methods", help="matchers, separated by commas, with their own options, as in bm:window=21; "
+                         "or none, which --predictions alone mean (bm,sgbm)")
     _add_method_options(command)
     command.add_argument("--predictions", action="append", default=[], metavar="NAME=FOLDER",
                          help="disparities computed elsewhere: PAIR.pfm, .png, .npy or .exr for each pair; may repeat")
@@ -260,6 +260,8 @@ def run_evaluate(parsed: argparse.Namespace) -> int:
     from .matchers.methods import parse_methods
 
     chosen = ("" if parsed.predictions else "bm,sgbm") if parsed.methods is None else parsed.methods
+    if chosen.strip() == "none":
+        chosen = ""
     some = chosen or parsed.method or not parsed.predictions
     methods = parse_methods(chosen, parsed.option, parsed.own, parsed.method) if some else []
     response = _read_response([], parsed.set)

@@ -256,7 +256,8 @@ def explained(where: object, kind: str, fix: str) -> Iterator[None]:
 def reason_of(error: Exception) -> str:
     """The reason of an error in a few words."""
     if isinstance(error, OSError):
-        return error.strerror or type(error).__name__
+        note = backslash_note(error.filename) if isinstance(error, FileNotFoundError) else ""
+        return (error.strerror or type(error).__name__) + note
     if isinstance(error, RecursionError):
         return "it is nested too deeply"
     if isinstance(error, ValueError) and "int_max_str_digits" in str(error):  # which is no word for a user
@@ -361,6 +362,13 @@ def _parse_finite(text: str) -> float:
     if number - number:  # which is 0 for every number; a call takes as long as all else here
         raise ValueError(f"{text[:40]} is no number")
     return number
+
+
+def backslash_note(path: object) -> str:
+    """What may be wrong with the path of a file that is not there, in parentheses: only Windows divides folders by a
+    backslash, which other systems take for a part of a name."""
+    there = "\\" in str(path) and not system.is_windows()
+    return " (a \\ is a part of a name here; write / between folders)" if there else ""
 
 
 def path_hint(error: ValueError) -> str:

@@ -19,6 +19,7 @@ import numpy as np
 from ...errors import IcyMoonError
 from ...files import absolute_path, shorten
 from ...settings.topics.scene import Settings
+from ...support.foreign_bytes import reason_of
 from .kinematics import Arm, Capsule, Joint, pose
 from .link_mesh import read_link_mesh
 from .solids import Solid, ball, box, join, lathe, moved
@@ -97,7 +98,7 @@ def _state(path: Path) -> tuple[int, int]:
     try:
         there = path.stat()
     except OSError as error:
-        raise IcyMoonError(f"{path}: cannot be read ({error.strerror}); check lander.file.") from None
+        raise IcyMoonError(f"{path}: cannot be read ({reason_of(error)}); check lander.file.") from None
     if not stat.S_ISREG(there.st_mode):  # a pipe or a device may never end
         raise IcyMoonError(f"{path}: is no file; check lander.file.")
     return there.st_size, there.st_mtime_ns

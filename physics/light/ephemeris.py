@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -144,15 +145,14 @@ def site_frame(radii_km: tuple[float, float, float], latitude_deg: float,
                        math.sin(latitude)])
     radii = np.array(radii_km)
     position = radial / np.linalg.norm(radial / radii)
-    return position, local_axes(position / radii**2, longitude)
+    return position, local_axes(position / radii**2, longitude, radii_km)
 
 
-def local_axes(normal: np.ndarray, longitude: float) -> np.ndarray:
-    """Rows east, north, up (3, 3) of a surface normal; at a pole east is as at the longitude (radians)."""
+def local_axes(normal: np.ndarray, longitude: float, radii_km: Sequence[float]) -> np.ndarray:
+    """Rows east, north, up (3, 3) of the normal of an ellipsoid at a longitude in radians, also at a pole, where north
+    is the limit along the meridian of the longitude."""
     up = normal / np.linalg.norm(normal)
-    east = np.array([-up[1], up[0], 0.0])
-    if np.linalg.norm(east) < 1e-9:
-        east = np.array([-math.sin(longitude), math.cos(longitude), 0.0])
+    east = np.array([-math.sin(longitude) / radii_km[1] ** 2, math.cos(longitude) / radii_km[0] ** 2, 0.0])
     east /= np.linalg.norm(east)
     return np.stack([east, np.cross(up, east), up])
 

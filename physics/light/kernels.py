@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ...errors import IcyMoonError
 from ...files import shorten
-from ...support.foreign_bytes import ForeignBytes, RefusedError, read
+from ...support.foreign_bytes import ForeignBytes, RefusedError, backslash_note, read, reason_of
 
 #: Largest text kernel and largest binary one, in bytes; most files of a folder.
 _MOST_TEXT, _MOST_BINARY, _MOST_FILES = 2**25, 2**36, 2000
@@ -60,7 +60,7 @@ def _look_at(path: Path) -> tuple[str, ...] | None:
     try:
         state = path.stat()
     except OSError as error:
-        raise IcyMoonError(f"{path} cannot be read ({error.strerror}); {_FIX}.") from None
+        raise IcyMoonError(f"{path} cannot be read ({reason_of(error)}); {_FIX}.") from None
     return _read(path, state.st_size, state.st_mtime_ns)
 
 
@@ -152,7 +152,8 @@ def _named_kernels(meta: Path, named: tuple[str, ...], folder: Path | None) -> l
             raise IcyMoonError(f"{meta} names {shorten(name)!r}, and only kernels in {inside} are loaded; copy it "
                                "there.")
         if not is_there:
-            raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is not there; copy it there.")
+            raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is not there{backslash_note(name)}; copy "
+                               "it there.")
         if _look_at(file) != ():
             raise IcyMoonError(f"{meta} names {shorten(name)!r}, which is no kernel with data; leave it out.")
         found.append(file)

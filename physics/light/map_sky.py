@@ -21,16 +21,30 @@ def doubt_sky(light: LightSettings, place: Mapping[str, Any] | None) -> list[str
     if light.directions_from == "ANGLES" or place is None or place["latitude_deg"] is None:
         return []
     latitude, longitude = float(place["latitude_deg"]), float(place["longitude_deg"])
+    north = float(place["north_deg"])
     said = []
     if _angle_deg((latitude, longitude), (light.latitude_deg, light.longitude_deg)) > _APART_DEG:
         said.append(f"The map's site is at latitude {latitude:.4f}°, longitude {longitude:.4f}°, but the sky is that "
                     f"of light.latitude_deg {light.latitude_deg:g} and light.longitude_deg {light.longitude_deg:g}; "
                     f"set light.latitude_deg to {latitude:.4f} and light.longitude_deg to {longitude:.4f}.")
-    if abs(north := float(place["north_deg"])) > _TURNED_DEG:
+    elif 90.0 - abs(light.latitude_deg) <= _APART_DEG:  # where a longitude is a direction
+        over = math.copysign(1.0, latitude)
+        found = _signed_deg(north - over * (light.longitude_deg - longitude))
+        if abs(found) > _TURNED_DEG:
+            said.append(f"At this pole light.longitude_deg {light.longitude_deg:g} sets where north is, {found:.1f}° "
+                        f"clockwise of the map's up, from which the azimuths of a date are counted; set "
+                        f"light.longitude_deg to {_signed_deg(longitude + over * north):.4f}, whose north is up.")
+        return said
+    if abs(north) > _TURNED_DEG:
         said.append(f"North is {north:.1f}° clockwise of the map's up, from which the azimuths of a date are counted, "
                     f"so the Sun stands {abs(north):.1f}° off; set light.directions_from to ANGLES, with the "
                     f"elevation that icymoon sky prints and its azimuth plus {north % 360:.1f}°.")
     return said
+
+
+def _signed_deg(angle_deg: float) -> float:
+    """An angle from -180 up to 180 degrees."""
+    return (angle_deg + 180.0) % 360.0 - 180.0
 
 
 def _angle_deg(one: tuple[float, float], other: tuple[float, float]) -> float:

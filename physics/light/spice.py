@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import IcyMoonError
+from ...support.foreign_bytes import backslash_note
 from .ephemeris import Positions, date_text, local_axes, parse_date
 from .kernels import find_kernels
 from .sunlight import AU_KM
@@ -37,8 +38,8 @@ def positions(kernels: Path, body: str, parent: str, date_utc: str, latitude_deg
         raise IcyMoonError("This Python has no SpiceyPy, which light.kernels needs; install icymoon[ephemeris] in it "
                            "or set light.directions_from to DATE.")
     if not kernels.exists():
-        raise IcyMoonError(f"light.kernels names {kernels}, which is not there; give a meta-kernel or a folder of "
-                           "kernels.")
+        raise IcyMoonError(f"light.kernels names {kernels}, which is not there{backslash_note(kernels)}; give a "
+                           "meta-kernel or a folder of kernels.")
     date_utc = date_text(parse_date(date_utc))  # SPICE reads other texts too, and some of them as other dates
     spice = importlib.import_module("spiceypy")
     try:
@@ -62,7 +63,7 @@ def _positions(spice: Any, body: str, parent: str, date_utc: str, latitude_deg: 
     latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
     site = spice.srfrec(spice.bods2c(body), longitude, latitude)
     radii = spice.bodvrd(body, "RADII", 3)[1]
-    axes = local_axes(np.asarray(spice.surfnm(*radii, site)), longitude)
+    axes = local_axes(np.asarray(spice.surfnm(*radii, site)), longitude, radii)
 
     def seen(target: str) -> np.ndarray:
         state, _ = spice.spkcpo(target, time, frame, "OBSERVER", "LT+S", site, body, frame)

@@ -8,7 +8,6 @@ import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from ...errors import IcyMoonError
 from ...formats.toml_lines import Place
@@ -24,8 +23,10 @@ from ...settings.table import TOPICS, all_settings
 from ...settings.table_texts import Texts
 from ...settings.topics.scene import Settings
 from ...settings.user_files import content, used_files
+from ...support.foreign_bytes import backslash_note
 from . import poses, sweeps
 from .indirect import choose_indirect
+from .overwritten import check_overwritten
 from .own_files import list_files, replace_stand_ins
 from .planned_pair import PlannedPair, turned_heading_deg
 from .sweeps import Sweep, Variation, check_pair_count
@@ -130,7 +131,7 @@ def combine(design: Design, most_grounds: int = MOST_GROUNDS, report: Report = l
     grounds = _Grounds()
     made = _deal_grounds(list(_combinations(design)), design)
     rigs = Texts(_RIG)
-    for sweep in sorted((b for b in design.sweeps if b.kind in poses.KINDS), key=lambda b: poses.KINDS.index(b.kind)):
+    for sweep in _cameras(design):
         known: dict[str, list[Variation]] = {}
         made = [each.with_part(_with_file_paths(part, design)) for each in made
                 for part in _place_cameras(sweep, each, grounds, rigs, known)]
@@ -149,6 +150,11 @@ def combine(design: Design, most_grounds: int = MOST_GROUNDS, report: Report = l
              for each, settings in zip(made, described, strict=True)]
     refused = {pair.id: str(error) for pair, error in zip(pairs, refusals, strict=True) if error}
     return Combined(pairs, refused, looked_at, unchecked)
+
+
+def _cameras(design: Design) -> list[Sweep]:
+    """The sweeps that place cameras, in the order in which they are applied."""
+    return sorted((b for b in design.sweeps if b.kind in poses.KINDS), key=lambda b: poses.KINDS.index(b.kind))
 
 
 def _with_file_paths(part: Variation, design: Design) -> Variation:
@@ -170,39 +176,22 @@ def _combinations(design: Design) -> Iterator[_Combination]:
         each_seed = [(Variation({"dataset": {"seed": seed}}, place),)
                      for seed in seeds_of(stated, int(base.settings.dataset.seed))]
     there = list_files(design.files) if design.files else {}
+    settled = [sweep for sweep in design.sweeps if sweep.kind in sweeps.KINDS]
     factors: list[list[Variation]] = []
     for k, seed in enumerate(each_seed):
         if k == 0 or design.draw_again:
             drawn_from = base.with_part(seed[0]) if seed and design.draw_again else base
             factors = [[_with_file_paths(part, design) for part in sweeps.make_variations(sweep, drawn_from.settings)]
-                       for sweep in design.sweeps if sweep.kind in sweeps.KINDS]
-            _check_overwritten(factors)
+                       for sweep in settled]
             if place is not None:
                 check_pair_count(len(each_seed) * math.prod(map(len, factors)), place)
+            check_overwritten(drawn_from.settings, base.parts, design.seeds and design.seeds[1],
+                              list(zip(settled, factors, strict=True)), _cameras(design))
         for chosen in itertools.product(*factors):
             made = base
             for part in (*seed, *chosen):
                 made = made.with_part(part)
             yield _with_own_files(made, there) if there else made
-
-
-def _check_overwritten(factors: list[list[Variation]]) -> None:
-    """Raise IcyMoonError if all that a sweep varies is set by every variation of a later one, which would drop it."""
-    stated = [[_stated(part) for part in factor] for factor in factors]
-    for k, earlier in enumerate(stated):
-        # One variation is compared with the first one: there may be thousands.
-        varied = {key for each in earlier for key in each.keys() | earlier[0].keys()
-                  if each.get(key, each) != earlier[0].get(key, each)}
-        for factor, later in zip(factors[k + 1:], stated[k + 1:], strict=True):
-            if varied and all(varied <= part.keys() for part in later):
-                raise IcyMoonError(f"{factor[0].place}: this sweep sets {', '.join(sorted(varied))} for every pair, so "
-                                   f"that of {factors[k][0].place} would vary nothing; state all values in one of "
-                                   "them.")
-
-
-def _stated(part: Variation) -> dict[str, Any]:
-    """The settings of a variation by their full names."""
-    return {f"{topic}.{key}": value for topic, values in part.settings.items() for key, value in values.items()}
 
 
 def _with_own_files(made: _Combination, there: dict[str, list[Path]]) -> _Combination:
@@ -374,6 +363,7 @@ def _check_files(made: _Combination) -> None:
         raise _at_place(error, _place_named_in(error, made)) from None
     for name, path in files.items():
         if not (path.is_file() or (name == "light.kernels" and path.is_dir())):
-            raise _at_place(IcyMoonError(f"{name}: {path} is missing; put it there, or extend this plan by one of your "
-                                         "own that names another file, or that states its folder in plan.files."),
+            raise _at_place(IcyMoonError(f"{name}: {path} is missing{backslash_note(path)}; put it there, or "
+                                         "extend this plan by one of your own that names another file, or that states "
+                                         "its folder in plan.files."),
                             made.place_of(name))

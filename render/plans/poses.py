@@ -126,6 +126,20 @@ _MAKERS: dict[str, Callable[[Sweep, Settings, Ground], list[Variation]]] = {
 KINDS = tuple(_MAKERS)
 
 
+def rig_settings(sweep: Sweep) -> tuple[frozenset[str], frozenset[str]]:
+    """The settings that cameras of a sweep of one of ``KINDS`` differ in, and those that they have whatever the
+    settings under them are: equal turns begin at ``rig.heading_deg``, and a view sphere is about the rig's place."""
+    if sweep.kind == "panorama":
+        turned, pitched = ({"rig.heading_deg"} if isinstance(sweep.table.get("headings"), list) else set(),
+                           {"rig.pitch_deg"} if "pitches_deg" in sweep.table else set())
+        return frozenset({"rig.heading_deg", *pitched}), frozenset(turned | pitched)
+    if sweep.kind == "view_sphere":
+        keys = frozenset({"rig.height_m", "rig.pitch_deg", "rig.heading_deg"})
+    else:
+        keys = frozenset({"rig.x_m", "rig.y_m", *(["rig.heading_deg"] if sweep.table.get("random_headings") else [])})
+    return keys, keys
+
+
 def make_variations(sweep: Sweep, base: Settings, ground: Ground) -> list[Variation]:
     """The cameras that a sweep of one of ``KINDS`` gives to complete settings.
 

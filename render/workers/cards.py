@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from ...errors import IcyMoonError
 from ...files import shorten
+from ...terminal import ALL
 
 ENVIRONMENT = "ICYMOON_CARDS"
 #: What Cycles calls the programming interfaces of graphics cards; the first that has any card is taken.
@@ -37,12 +38,12 @@ ALL_CARDS = Cards()
 def parse_cards(text: str, origin: str = "--cards") -> Cards:
     """The cards that a text such as ``0,2`` or ``CUDA:1`` names. Raises IcyMoonError for another text; ``origin`` names
     the place of the text."""
-    if not text.strip():
+    if text.strip().lower() in ("", ALL):
         return Cards()
     stated = _TEXT.fullmatch(text.replace(" ", ""))
     if not stated:
         raise IcyMoonError(f"{origin} is {shorten(text)!r}; write numbers of graphics cards as icymoon doctor lists "
-                           "them, as in 0,2 or CUDA:1.")
+                           "them, as in 0,2 or CUDA:1, or all.")
     return Cards((stated[1] or "").upper(), tuple(dict.fromkeys(int(number) for number in stated[2].split(","))))
 
 
@@ -59,6 +60,8 @@ def choose_cards(text: str) -> Cards:
     cards = parse_cards(text) if text.strip() else read_chosen_cards()
     if cards.numbers:
         os.environ[ENVIRONMENT] = str(cards)
+    elif text.strip():
+        os.environ.pop(ENVIRONMENT, None)
     return cards
 
 

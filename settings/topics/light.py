@@ -36,8 +36,8 @@ class LightSettings(Table, label="Light"):
         "Latitude", -80.0, -90.0, 90.0, "Planetocentric latitude of the site. It sets the elevation of the poles; a "
         "Sun given by angles does not depend on it", "light", active=DATED | ticked("planet") | ticked("stars"))
     longitude_deg: float = degrees(
-        "Longitude", 0.0, -360.0, 360.0, "East longitude of the site. The planet is above longitude -4 on Enceladus "
-        "and -1.5 on Europa", "light", shown=DATED)
+        "Longitude", 0.0, -360.0, 360.0, "East longitude of the site; at a pole, of the meridian whose north is north. "
+        "The planet is above longitude -4 on Enceladus and -1.5 on Europa", "light", shown=DATED)
     kernels: str = text(
         "Kernels", "", "A meta-kernel, or a folder from which all kernels are loaded", "light", "read",
         subtype="FILE_PATH", shown=chosen("directions_from", "KERNELS"))

@@ -18,7 +18,7 @@ from ...file_shapes import FILE_NAME
 from ...files import read_checksum
 from ...physics.camera.hidden_points import is_in_frame, matching_column
 from ...physics.camera.stereo_camera import StereoCamera
-from ...support.foreign_bytes import MOST_BYTES
+from ...support.foreign_bytes import MOST_BYTES, backslash_note
 from ..images import colours
 from ..images.disparity_and_occlusion import ESTIMATED, MASK, visible_in_right
 from ..images.image_values import describe_size, to_grey
@@ -83,7 +83,7 @@ class ForeignPair:
         """
         for path in self.files:
             if not os.path.lexists(path):
-                raise IcyMoonError(f"{path} is missing; add it, or leave out this pair.")
+                raise IcyMoonError(f"{path} is missing{backslash_note(path)}; add it, or leave out this pair.")
         left, right = (self._image(path) for path in (self.left, self.right))
         turned = find_turned((self.left, self.right))
         if left.shape[:2] != right.shape[:2]:

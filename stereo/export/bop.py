@@ -25,6 +25,7 @@ from ..images.image_files import write_png
 from ..measure.prepare import Loaded
 from .encodings import MILLIMETRES, in_steps
 from .losses import Each, Loss
+from .whole_folders import filled
 
 #: Millimetres per step of the 16-bit depth, which then reaches 13 m.
 DEPTH_SCALE = 0.2
@@ -35,23 +36,26 @@ _MASK = 255
 class _Models:
     """The models so far: number by link and shape, and the facts of each."""
 
-    folder: Path
     numbers: dict[tuple[str, bytes], int] = field(default_factory=dict)
     centres: dict[int, np.ndarray] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
 
-    def number_of(self, link: str, solid: Solid) -> int:
-        """The number of the model of a link, which is written when it is new."""
+    def copy(self) -> _Models:
+        """Another one of the same models."""
+        return _Models(dict(self.numbers), dict(self.centres), dict(self.facts))
+
+    def number_of(self, link: str, solid: Solid, folder: Path) -> int:
+        """The number of the model of a link, which is written to a folder when it is new."""
         key = link, np.round(solid.vertices * MILLIMETRES, 3).tobytes()
         if key not in self.numbers:
             number = self.numbers[key] = len(self.numbers) + 1
             low, high = solid.vertices.min(axis=0), solid.vertices.max(axis=0)
             self.centres[number] = (low + high) / 2
             places = (solid.vertices - self.centres[number]) * MILLIMETRES
-            write_triangles(self.folder / f"obj_{number:06d}.ply", places, solid.triangles,
+            write_triangles(folder / f"obj_{number:06d}.ply", places, solid.triangles,
                             _vertex_normals(solid), (f"link {link}",))
             self.facts[str(number)] = _facts(places)
-            write_json(self.folder / "models_info.json", self.facts)
+            write_json(folder / "models_info.json", self.facts)
         return self.numbers[key]
 
 
@@ -77,10 +81,11 @@ def _vertex_normals(solid: Solid) -> np.ndarray:
 
 def write_bop(each: Each, out: Path) -> None:
     """Write all pairs with a lander. A pair without one is reported as a failure."""
-    models = _Models(out / "models")
+    models = _Models()
     scenes: dict[str, dict[str, dict[str, Any]]] = {eye: {"camera": {}, "gt": {}, "gt_info": {}} for eye in EYES}
 
     def write(pair: Loaded) -> list[Loss]:
+        nonlocal models, scenes
         lander = pair.pair.data.get("lander")
         if not lander:
             raise IcyMoonError(f"{pair.pair.folder}: shows no lander, whose links BOP's layout is of; render it with "
@@ -88,14 +93,18 @@ def write_bop(each: Each, out: Path) -> None:
         image = str(len(scenes["left"]["camera"]))
         losses: list[Loss] = []
         solids = solids_of(pair.settings, lander["pads_m"])
-        for number, eye in enumerate(EYES):
-            folder = out / "test" / f"{number:06d}"
-            losses += _write_image(pair, eye, folder, int(image))
-            scenes[eye]["camera"][image] = _camera(pair, eye)
-            scenes[eye]["gt"][image], scenes[eye]["gt_info"][image] = _write_links(
-                pair, eye, folder, int(image), models, solids)
-            for name, content in scenes[eye].items():
-                write_json(folder / f"scene_{name}.json", content)
+        with_this = models.copy()
+        described = {}
+        with filled(out) as part:
+            for number, eye in enumerate(EYES):
+                folder = part / "test" / f"{number:06d}"
+                losses += _write_image(pair, eye, folder, int(image))
+                poses, facts = _write_links(pair, eye, folder, int(image), with_this, solids, part / "models")
+                described[eye] = {name: scenes[eye][name] | {image: content} for name, content in (
+                    ("camera", _camera(pair, eye)), ("gt", poses), ("gt_info", facts))}
+                for name, content in described[eye].items():
+                    write_json(folder / f"scene_{name}.json", content)
+        models, scenes = with_this, described  # what a pair that failed would have added is nowhere
         return losses
 
     each(write)
@@ -125,15 +134,15 @@ def _camera(pair: Loaded, eye: str) -> dict[str, Any]:
 
 
 def _write_links(pair: Loaded, eye: str, folder: Path, image: int, models: _Models,
-                 solids: dict[str, Solid]) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Write the masks of the links in an image, and return their poses and the facts of their pixels."""
+                 solids: dict[str, Solid], shapes: Path) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """Write the masks of the links in an image, and new models to ``shapes``; poses and the facts of pixels."""
     poses, facts = [], []
     instance, depth = pair.views[eye].instance, pair.depth[eye]
     if instance is None:
         raise IcyMoonError(f"{pair.pair.folder}: has no labels; render it with quality.truth FULL.")
     for number, link in enumerate(pair.pair.data["lander"]["links"]):
         solid, pose = solids[link["name"]], np.array(link[f"link_to_{eye}"], np.float64)
-        model = models.number_of(link["name"], solid)
+        model = models.number_of(link["name"], solid, shapes)
         turn, place = pose[:3, :3], pose[:3, :3] @ models.centres[model] + pose[:3, 3]
         whole = find_silhouette(solid.vertices @ turn.T + pose[:3, 3], solid.triangles, _matrix(pair), depth.shape)
         seen = instance == link["instance"]

@@ -220,7 +220,6 @@ def _write_pfm(pair: Loaded, out: Path) -> None:
 def _write_kitti(each: Each, out: Path) -> None:
     """``disp_occ_0`` has all true disparities of the left eye, ``disp_noc_0`` only the ones of points that the right
     eye sees too."""
-    root = out / "training"
     numbers = [("number", "pair")]
 
     def write(pair: Loaded) -> list[Loss]:
@@ -229,11 +228,13 @@ def _write_kitti(each: Each, out: Path) -> None:
         disparity = _disparity(pair, "left")
         every, losses = in_steps(disparity, KITTI_SCALE, "disparity", "px")
         refuse_losses(pair, losses)
-        _write_8_bit(root / "image_2" / frame, pair, "left")
-        _write_8_bit(root / "image_3" / frame, pair, "right")
-        write_png(root / "disp_occ_0" / frame, every)
-        write_png(root / "disp_noc_0" / frame, np.where(pair.visible["left"], every, 0).astype(np.uint16))
-        write_text(root / "calib_cam_to_cam" / f"{number}.txt", _kitti_calibration(pair))
+        with filled(out) as part:
+            root = part / "training"
+            _write_8_bit(root / "image_2" / frame, pair, "left")
+            _write_8_bit(root / "image_3" / frame, pair, "right")
+            write_png(root / "disp_occ_0" / frame, every)
+            write_png(root / "disp_noc_0" / frame, np.where(pair.visible["left"], every, 0).astype(np.uint16))
+            write_text(root / "calib_cam_to_cam" / f"{number}.txt", _kitti_calibration(pair))
         numbers.append((number, escape_cell(pair.pair.folder.name)))
         return losses
 
@@ -294,14 +295,16 @@ def _write_coco(each: Each, out: Path) -> None:
 
             def write(pair: Loaded) -> None:
                 nonlocal count
-                for eye in EYES:
-                    name = f"{pair.pair.folder.name}_{eye}.png"
-                    _write_8_bit(out / "images" / name, pair, eye)
-                    found = list(coco_annotations(pair.views[eye].instance, pair.views[eye].semantic))
-                    camera = pair.pair.camera
+                camera, names = pair.pair.camera, {eye: f"{pair.pair.folder.name}_{eye}.png" for eye in EYES}
+                with filled(out) as folder:
+                    for eye, name in names.items():
+                        _write_8_bit(folder / "images" / name, pair, eye)
+                    every = {eye: list(coco_annotations(pair.views[eye].instance, pair.views[eye].semantic))
+                             for eye in EYES}
+                for eye, name in names.items():
                     images.append({"id": len(images) + 1, "file_name": name, "width": camera.width_px,
                                    "height": camera.height_px, "pair": pair.pair.folder.name, "eye": eye})
-                    for annotation in found:
+                    for annotation in every[eye]:
                         count += 1
                         stream.write(("," if count > 1 else "") + "\n" + json.dumps(
                             {"id": count, "image_id": len(images), **annotation}))

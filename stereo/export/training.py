@@ -32,6 +32,7 @@ from ..images.image_files import encoded, write_bytes
 from ..measure.prepare import Loaded
 from .encodings import KITTI_SCALE, in_steps, write_pfm
 from .losses import Each, Loss, refuse_losses
+from .whole_folders import filled
 
 #: A shard is ended by the pair that takes it beyond this.
 SHARD_BYTES = 1_000_000_000
@@ -200,16 +201,17 @@ def write_sceneflow(each: Each, out: Path) -> None:
         folder = folders[split].setdefault(scene, f"{len(folders[split]):04d}")
         frame = numbers.setdefault(split, Counter())
         number = f"{frame[folder]:04d}"
+        with filled(root) as part:
+            for eye in EYES:
+                image = pair.images.seen(eye)
+                grey = to_8_bit(image[..., ::-1] if image.ndim == 3 else image, pair.images.bits, pair.images.encoding)
+                content = encoded(grey if grey.ndim == 3 else np.repeat(grey[..., None], 3, axis=-1), ".png")
+                for passed in ("frames_cleanpass", "frames_finalpass"):
+                    write_bytes(part / passed / split / "A" / folder / eye / f"{number}.png", content)
+                disparity = pair.pair.camera.disparity(pair.depth[eye])
+                write_pfm(part / "disparity" / split / "A" / folder / eye / f"{number}.pfm",
+                          np.where(np.isfinite(disparity), disparity, UNKNOWN_PX))
         frame[folder] += 1
-        for eye in EYES:
-            image = pair.images.seen(eye)
-            grey = to_8_bit(image[..., ::-1] if image.ndim == 3 else image, pair.images.bits, pair.images.encoding)
-            content = encoded(grey if grey.ndim == 3 else np.repeat(grey[..., None], 3, axis=-1), ".png")
-            for passed in ("frames_cleanpass", "frames_finalpass"):
-                write_bytes(root / passed / split / "A" / folder / eye / f"{number}.png", content)
-            disparity = pair.pair.camera.disparity(pair.depth[eye])
-            write_pfm(root / "disparity" / split / "A" / folder / eye / f"{number}.pfm",
-                      np.where(np.isfinite(disparity), disparity, UNKNOWN_PX))
         if split == "TEST":
             tested.append(f"{split}/A/{folder}/left/{number}.pfm")
         index.add(pair, split, f"{split}/A/{folder}/{number}")

@@ -112,3 +112,20 @@ def test_what_is_not_known_is_none(keys):
 def test_a_place_beyond_the_edge_of_a_map_is_an_error(kind, place):
     with pytest.raises((ValueError, OverflowError)):
         local_scale(MapSystem(kind, "", EUROPA_M, 0.0, 0.0, 30.0, 60.0), *place)
+
+
+@pytest.mark.parametrize("pole", [90.0, -90.0])
+@pytest.mark.parametrize("kind", ["Polar stereographic", "Stereographic", "Azimuthal equidistant",
+                                  "Lambert azimuthal equal area", "Orthographic", "Transverse Mercator"])
+def test_at_a_pole_the_central_meridian_says_where_north_is(kind, pole):
+    """Whatever its coordinates are rounded to; it is north at places before the pole on that meridian."""
+    origin = 0.0 if kind == "Transverse Mercator" else pole
+    system = MapSystem(kind, "", EUROPA_M, -140.0, origin, origin)
+    y = math.radians(pole) * EUROPA_M if kind == "Transverse Mercator" else 0.0
+    before = local_scale(system, 0.0, y - math.copysign(20.0, pole))
+    for dx, dy in ((0.0, 0.0), (-0.0, -0.0), (1e-10, 0.0), (-1e-10, 1e-10), (0.0, -1e-9)):
+        found = local_scale(system, dx, y + dy)
+        assert (found.longitude_deg, found.latitude_deg) == (pytest.approx(-140.0), pole)
+        assert found.north_deg == pytest.approx(before.north_deg, abs=1e-3) == pytest.approx(0.0, abs=1e-3)
+        assert (found.east, found.north) == pytest.approx((before.east, before.north), rel=1e-6)
+    assert before.longitude_deg == pytest.approx(-140.0)

@@ -231,6 +231,34 @@ def test_spice_and_the_elements_agree(kernels):
         np.testing.assert_allclose(exact.from_j2000, found.from_j2000, atol=1e-6)
 
 
+@pytest.mark.parametrize("pole", [90.0, -90.0])
+@pytest.mark.parametrize("longitude", [0.0, 30.0, -120.0, 250.0])
+def test_a_pole_is_the_end_of_the_meridian_of_its_longitude(kernels, pole, longitude):
+    """Of a date and of kernels. A thousandth of a degree before it, directions differ by about as much."""
+    at = []
+    for latitude in (pole, math.copysign(89.999, pole)):
+        for found in (ephemeris.positions("ENCELADUS", DATE, latitude, longitude),
+                      spice.positions(kernels, "ENCELADUS", "SATURN", DATE, latitude, longitude)):
+            at.append(found)
+            assert abs(found.from_j2000 @ found.from_j2000.T - np.eye(3)).max() < 1e-9
+    here, here_by_spice, before, before_by_spice = at
+    for one, other, most_deg in ((here, before, 3e-3), (here_by_spice, before_by_spice, 3e-3),
+                                 (here, here_by_spice, 0.05)):
+        for name in ("sun", "planet", "planet_axis"):
+            apart = angle_deg(getattr(one, name), getattr(other, name))
+            assert apart < (0.1 if name == "planet_axis" and most_deg > 0.01 else most_deg)
+        assert np.abs(one.from_j2000 - other.from_j2000).max() < (1e-4 if most_deg < 0.01 else 1e-6)
+
+
+@pytest.mark.parametrize("pole", [90.0, -90.0])
+def test_a_sky_of_angles_has_stars_at_a_pole(pole):
+    light = description.defaults().light | {"planet": True, "planet_elevation_deg": 90.0}
+    here, before = (sky(light | {"latitude_deg": latitude}) for latitude in (pole, math.copysign(89.999, pole)))
+    assert np.abs(here.from_j2000 - before.from_j2000).max() < 1e-4
+    assert np.array_equal(here.sun, before.sun)
+    assert here.ground_irradiance_wm2 == pytest.approx(before.ground_irradiance_wm2, rel=1e-4)
+
+
 def test_the_folder_of_a_mac_and_a_meta_kernel_give_the_same_sky(kernels, tmp_path):
     """What is no kernel is skipped, and names are relative to the meta-kernel, wherever the program runs."""
     wanted = spice.positions(kernels, "ENCELADUS", "SATURN", DATE, 10.0, 20.0)

@@ -6,6 +6,7 @@ import re
 
 import pytest
 from icymoon.formats.geotiff import MapPlace
+from icymoon.formats.map_projection import MapSystem, local_scale
 from icymoon.physics.light.map_sky import doubt_sky
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.topics.light import LightSettings
@@ -32,8 +33,21 @@ def test_the_same_site_is_not_doubted(latitude, longitude):
     assert not doubt_sky(light(latitude_deg=-80.0, longitude_deg=0.0), place(latitude, longitude))
 
 
-def test_at_a_pole_longitudes_make_no_difference():
-    assert not doubt_sky(light(latitude_deg=90.0, longitude_deg=0.0), place(90.0, 133.0))
+@pytest.mark.parametrize("pole", [90.0, -90.0])
+def test_at_a_pole_the_longitude_is_a_direction(pole):
+    """Around the pole of a map every place has another longitude and another north, and the sky is the same."""
+    system = MapSystem("Polar stereographic", "", 1560800.0, 40.0, pole, pole)
+    turns = set()
+    for x, y in ((0.0, 0.0), (1e-10, -1e-10), (0.0, 500.0), (500.0, 0.0), (-300.0, -300.0)):
+        at = local_scale(system, x, y)
+        there = place(at.latitude_deg, at.longitude_deg, at.north_deg)
+        said, = doubt_sky(light(latitude_deg=pole, longitude_deg=10.0), there)
+        turns.add(re.search(r"(\S+)° clockwise", said)[1])
+        fixed = float(re.search(r"set light\.longitude_deg to (\S+),", said)[1])
+        assert fixed == pytest.approx(40.0, abs=2e-4)
+        assert not doubt_sky(light(latitude_deg=pole, longitude_deg=fixed), there)
+    # Seen from above, longitude goes counterclockwise about the north pole, and the north of a meridian turns with it.
+    assert turns == {"30.0" if pole > 0 else "-30.0"}
 
 
 def test_a_map_whose_up_is_not_north_turns_the_sun_of_a_date():

@@ -11,7 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as trials
 from hypothesis import strategies as st
-from icymoon.errors import IcyMoonError
 from icymoon.physics.light.directions import camera_axes
 from icymoon.physics.terrain.sites import make_rocky_ground
 from icymoon.render.plans.plan_file import read_plan
@@ -102,15 +101,6 @@ def test_cases_go_together_and_take_presets(plan):
     assert taken(pairs, "light.sun_azimuth_deg") == [90.0, 60.0]
     assert taken(pairs, "light.sun_irradiance_wm2") == [14.82, 3.0]
     assert taken(pairs, "terrain.rms_slope_deg") == [12.0, 4.0]
-
-
-def test_a_sweep_that_a_later_one_would_drop_is_refused(plan):
-    """All that the first varies, the second sets for every pair; the third sets a part of what a case varies."""
-    grid = '[[sweep]]\nkind = "grid"\nrig.baseline_m = {}\n'
-    with pytest.raises(IcyMoonError, match=r"line \d+: this sweep sets rig\.baseline_m for every pair, so that of"):
-        plan(grid.format("[0.1, 0.2]") + grid.format("[0.3]")).pairs()
-    cases = '[[sweep]]\nkind = "cases"\ncase = [{ rig.baseline_m = 0.1, rig.height_m = 1.0 }, { rig.height_m = 2.0 }]\n'
-    assert len(plan(cases + grid.format("[0.3, 0.4]")).pairs()) == 4
 
 
 def test_what_comes_twice_is_there_once(plan):

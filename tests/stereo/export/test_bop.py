@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from icymoon.errors import IcyMoonError
 from icymoon.formats.ply import read_triangles
 from icymoon.physics.arm.silhouette import find_silhouette
+from icymoon.stereo.export import bop
 from icymoon.stereo.export.layouts import export
 from rendering import render
 
@@ -92,3 +95,25 @@ def test_a_pair_without_a_lander_is_named(tmp_path):
     render(tmp_path / "set", {"rig": {"width_px": 32, "height_px": 24}, "quality": {"samples": 1}})
     failed, = export([tmp_path / "set"], "bop", tmp_path / "bop")
     assert "shows no lander" in failed
+
+
+def test_a_pair_that_fails_is_nowhere(rendered, tmp_path, monkeypatch):
+    """At the masks of its right eye, after images and models are written; the next one is as if it were the first."""
+    folder = rendered[0].folder
+    whole, calls = bop._pixels, []
+
+    def fail(*given):
+        calls.append(given)
+        if len(calls) == 10:  # the first link in the right eye
+            raise IcyMoonError("cannot be")
+        return whole(*given)
+
+    other = shutil.copytree(folder, tmp_path / "set" / "pairs" / "other")
+    monkeypatch.setattr(bop, "_pixels", fail)
+    assert len(export([folder], "bop", tmp_path / "none")) == 1
+    assert not [path for path in (tmp_path / "none").rglob("*") if path.is_file()]
+    calls.clear()
+    assert len(export([folder, other], "bop", tmp_path / "one")) == 1
+    files = [{path.relative_to(root): path.read_bytes() for path in root.rglob("*") if path.is_file()}
+             for root in (rendered[1], tmp_path / "one")]
+    assert files[0] == files[1]

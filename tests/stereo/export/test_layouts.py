@@ -1,6 +1,7 @@
 """Exports read back, by other readers where there are any, and compared with the analytic scene."""
 
 import csv
+import importlib
 import json
 import re
 import subprocess
@@ -330,3 +331,29 @@ def test_a_pair_that_fails_leaves_nothing_half_written(dataset, tmp_path, monkey
     assert len(export([dataset], kind, out)) == len(list((dataset / "pairs").iterdir()))
     assert [path for path in out.rglob("*") if path.is_file()] == []
     assert [path.name for path in out.parent.rglob("*.part")] == []
+
+
+@pytest.mark.parametrize(("kind", "last"), [
+    ("kitti", "layouts.write_text"), ("coco", "layouts.coco_annotations"), ("sceneflow", "training.write_pfm"),
+    ("webdataset", "training._files_of")])
+def test_a_pair_that_fails_is_nowhere_in_a_folder_of_all_pairs(dataset, tmp_path, monkeypatch, kind, last):
+    """The first pair fails at its last file, or at that of its right eye; the rest is as if it had not been there."""
+    first, *others = sorted((dataset / "pairs").iterdir())
+    assert export(others, kind, tmp_path / "alone") == []
+    room, name = last.split(".")
+    module = importlib.import_module(f"icymoon.stereo.export.{room}")
+    whole, calls = getattr(module, name), []
+    fails_at = 2 if kind in ("coco", "sceneflow") else 1
+
+    def fail(*given):
+        calls.append(given)
+        if len(calls) == fails_at:
+            raise IcyMoonError("cannot be")
+        return whole(*given)
+
+    monkeypatch.setattr(module, name, fail)
+    assert len(export([first, *others], kind, tmp_path / "both")) == 1
+    files = [{path.relative_to(root): path.read_bytes() for path in root.rglob("*")
+              if path.is_file() and path.suffix != ".tar"} for root in (tmp_path / "alone", tmp_path / "both")]
+    assert files[0] == files[1]
+    assert not list(tmp_path.rglob("*.part"))
