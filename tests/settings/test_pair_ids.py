@@ -78,6 +78,19 @@ def test_an_id_is_that_of_the_first_version_as_long_as_nothing_later_is_used(des
         assert settings.digest(hums, "f/2.0 None s") == expected
 
 
+def test_newer_settings_may_stand_in_any_order(monkeypatch):
+    """They may be declared between others later; only those of the first release have a place."""
+    changes = {"surface": {"frost_share": 0.1, "bubble_share": 0.2}, "hills": {"rms_slope_deg": 1.0, "hurst": 0.9}}
+    described = settings.merged(settings.defaults(), changes)
+    first, newer = pair_ids.counted(described)
+    assert dict(newer) == {f"{topic}.{key}": value for topic, those in changes.items() for key, value in those.items()}
+    for name, topic in TOPICS.items():
+        newer_ones = [s for s in topic.settings if s.since]
+        monkeypatch.setitem(TOPICS, name, replace(topic, settings=(
+            *newer_ones[::-1], *(s for s in topic.settings if not s.since))))
+    assert pair_ids.counted(described) == [first, newer]
+
+
 def test_what_is_added_to_the_tables_of_a_list_counts_where_it_is_used(monkeypatch):
     layers = {"terrain": {"layers": [{"amplitude_m": 0.5}, {"scale_m": 1.0}]}}
     old = settings.merged(settings.defaults(), settings.check(layers, "test"))

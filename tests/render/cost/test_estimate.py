@@ -103,6 +103,11 @@ def test_samples_and_pixels_count_in_proportion():
     assert of(11, 128) - of(10, 128) == pytest.approx(2 * per_sample)
 
 
+@pytest.mark.parametrize(("overscan", "pixels"), [(0.0, 2 * 64 * 48), (0.25, 2 * 96 * 72)])
+def test_the_pixels_of_a_pair_are_those_of_both_eyes_with_their_margins(overscan, pixels):
+    assert estimate.pixels_of(described({"rig": {"overscan": overscan}})) == pixels
+
+
 @pytest.fixture(autouse=True)
 def two_processors(monkeypatch):
     """A machine of one worker, whatever this one has."""

@@ -88,6 +88,14 @@ def test_rocks_are_found_on_slopes_and_their_ground_is_not(slope):
     assert (find_rocks(height, CELL, RULE) == true).all()
 
 
+def test_rocks_are_found_beside_taller_ones():
+    """A rock of 2 m lifts the plane of the ground above one of 10 cm, and that one lifts it above one of 4 cm."""
+    height = level()
+    for column, tall_m in ((70, 2.0), (77, 0.1), (84, 0.04)):
+        height[70:80, column:column + 6] = tall_m
+    assert (find_rocks(height, CELL, RULE) == (height > 0)).all()
+
+
 def test_a_lower_rule_takes_no_more_cells():
     random = np.random.default_rng(5)
     height = level() + random.normal(0, 0.004, (SIZE, SIZE)) + 0.1 * np.sin(np.mgrid[:SIZE, :SIZE][0] / 9)

@@ -56,6 +56,19 @@ def develop_with(folder, k, **sensor):
     return pair, left, develop(pair, left, right, settings)
 
 
+@pytest.mark.parametrize("k1", [-0.5, -0.2])
+def test_the_far_side_of_a_fold_is_no_answer(k1):
+    """x (1 + k1 x²) turns back at x² = -1 / (3 k1), where it is greatest. A greater value has one root, across the
+    axis; the solver may find it, and no lens shows it."""
+    turn = np.sqrt(-1 / (3 * k1))
+    seen = np.linspace(-4.0, 4.0, 800)  # no zero
+    found = undistort(np.stack([seen, np.zeros_like(seen)], axis=-1), (k1, 0.0, 0.0, 0.0, 0.0))[:, 0]
+    np.testing.assert_array_equal(np.isfinite(found), np.abs(seen) < turn * 2 / 3)
+    near = np.isfinite(found)
+    assert (np.abs(found[near]) < turn).all()
+    assert (np.sign(found[near]) == np.sign(seen[near])).all()
+
+
 def test_rectified_images_lie_on_the_truth_and_distorted_ones_do_not(tmp_path):
     folder = pairs.write_pair(tmp_path / "pair", pairs.Scene(rock=False))
     pair, _, plain = develop_with(folder, (0.0,) * 5)

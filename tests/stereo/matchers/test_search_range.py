@@ -26,6 +26,16 @@ def searched(method, options=None, ranges=None, shape=(120, 256)):
     return match(method, image, image, options, None, ranges)[2]
 
 
+def test_no_more_than_1024_disparities_are_searched_unless_they_are_stated():
+    """They begin at the least, and the share of the truth beyond them is missed."""
+    disparity = np.linspace(100.0, 3000.0, 4001)[None]
+    found = true_range(disparity)
+    assert found == SearchRange(96, 96 + 1023, "truth")
+    assert found.missed(disparity) == pytest.approx((3000.0 - 1119.5) / 2900.0, abs=1e-3)
+    whole = true_range(np.clip(disparity, 100.0, 1100.0))
+    assert whole.missed(np.clip(disparity, 100.0, 1100.0)) == 0.0
+
+
 def test_every_shipped_rig_has_its_range():
     assert {name: (found.least_px, found.most_px) for name in preset_names("rigs")
             if (found := rig_range(settings_of(name)))} == RIGS

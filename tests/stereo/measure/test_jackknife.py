@@ -1,0 +1,55 @@
+"""The standard error of a number from one image: what holds for tiles with and without content."""
+
+import numpy as np
+import pytest
+from icymoon.stereo.measure.jackknife import ACROSS, DOWN, jackknife, tile_sums
+
+
+def mean(sums):
+    return sums[..., :1] / sums[..., 1:]
+
+
+def test_tiles_without_content_change_neither_the_number_nor_its_error():
+    """A map that covers part of the image has empty tiles. They are no observations, so they give no confidence."""
+    random = np.random.default_rng(3)
+    held = random.random(DOWN * ACROSS) < 0.3
+    counts = np.where(held, random.integers(50, 100, held.size), 0)
+    sums = np.stack([counts * random.normal(3.0, 1.0, held.size), counts], axis=-1)
+    assert 2 < held.sum() < held.size
+    for number, alone in zip(jackknife(mean, sums), jackknife(mean, sums[held]), strict=True):
+        np.testing.assert_allclose(number, alone, rtol=1e-12)
+
+
+def test_a_tile_that_one_of_two_images_lacks_is_left_out_of_both():
+    """Of the difference of two means: each image has tiles that the other lacks, and all of them are observations."""
+    random = np.random.default_rng(4)
+    first, second = (np.stack([random.normal(size=6), np.ones(6)], axis=-1) for _ in range(2))
+    first[0], second[5] = 0.0, 0.0
+    without = [(np.delete(first, k, axis=0).sum(axis=0), np.delete(second, k, axis=0).sum(axis=0)) for k in range(6)]
+    differences = np.array([a[0] / a[1] - b[0] / b[1] for a, b in without])
+    _, error = jackknife(lambda a, b: mean(a) - mean(b), first, second)
+    assert error[0] == pytest.approx(np.sqrt(5 / 6 * ((differences - differences.mean()) ** 2).sum()))
+
+
+@pytest.mark.parametrize("tiles", [0, 1, 2])
+def test_the_error_is_unknown_until_two_tiles_contain_something(tiles):
+    sums = np.zeros((DOWN * ACROSS, 2))
+    sums[:tiles] = np.array([[5.0, 2.0], [9.0, 3.0]])[:tiles]
+    number, error = jackknife(mean, sums)
+    assert np.isnan(number[0]) == (tiles == 0)
+    assert np.isnan(error[0]) == (tiles < 2)
+    # A total is defined without any tile too. Without one or the other of two it is 9 or 5.
+    total, doubt = jackknife(lambda sums: sums[..., :1], sums)
+    assert total[0] == [0.0, 5.0, 14.0][tiles]
+    assert np.isnan(doubt[0]) if tiles < 2 else doubt[0] == pytest.approx(np.sqrt(1 / 2 * (2**2 + 2**2)))
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64, np.uint8, bool])
+@pytest.mark.parametrize("shape", [(DOWN, ACROSS), (37, 53), (3, 5)])
+def test_each_pixel_is_in_one_tile_and_tiles_are_alike(shape, kind):
+    sums = tile_sums(np.ones(shape, kind))[:, 0]
+    assert sums.sum() == shape[0] * shape[1]
+    rows, columns = (np.bincount(np.arange(size) * count // size, minlength=count)
+                     for size, count in zip(shape, (DOWN, ACROSS), strict=True))
+    np.testing.assert_array_equal(sums.reshape(DOWN, ACROSS), np.outer(rows, columns))
+    assert np.ptp(rows) <= 1 >= np.ptp(columns)
