@@ -9,30 +9,22 @@ import bpy
 from ..nodes import scene as scenes
 from ..nodes.ground.terrain_mesh import roughness_table
 from ..settings import description
-from ..settings.change_announcements import announce
 from ..settings.table import TOPICS
 from ..support.printer import show_controls
+from .list_editing import EditedList, MoveEntry, RemoveEntry
 
 
-def _announce(context: bpy.types.Context) -> None:
-    """Announce a change of the list. Blender itself calls updates for changed entries only."""
-    announce(context.scene, TOPICS["terrain"]["layers"].effect)
+class _OfLayers:
+    """Mix-in: an operator on the list of layers."""
+
+    empty = "There is no layer yet"
+
+    @staticmethod
+    def find(scene: bpy.types.Scene) -> EditedList:
+        return EditedList(scene.icymoon.terrain, "layers", "layers_active", TOPICS["terrain"]["layers"].effect)
 
 
-class _LayerOperator:
-    """Mix-in: an operator that changes the list of layers, which must not be empty."""
-
-    bl_options = {"REGISTER", "UNDO"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not context.scene.icymoon.terrain.layers:
-            cls.poll_message_set("There is no layer yet")  # type: ignore[attr-defined]
-            return False
-        return True
-
-
-class ICYMOON_OT_layer_add(bpy.types.Operator):
+class ICYMOON_OT_layer_add(_OfLayers, bpy.types.Operator):
     """Add a layer of fractal noise to the ground"""
 
     bl_idname = "icymoon.layer_add"
@@ -40,47 +32,24 @@ class ICYMOON_OT_layer_add(bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        terrain = context.scene.icymoon.terrain
-        terrain.layers.add()
-        terrain.layers_active = len(terrain.layers) - 1
-        _announce(context)
+        edited = self.find(context.scene)
+        edited.entries.add()
+        edited.select(len(edited.entries) - 1, context.scene)
         return {"FINISHED"}
 
 
-class ICYMOON_OT_layer_remove(_LayerOperator, bpy.types.Operator):
+class ICYMOON_OT_layer_remove(_OfLayers, RemoveEntry, bpy.types.Operator):
     """Remove the selected layer of noise"""
 
     bl_idname = "icymoon.layer_remove"
     bl_label = "Remove Layer"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        terrain = context.scene.icymoon.terrain
-        terrain.layers.remove(min(terrain.layers_active, len(terrain.layers) - 1))
-        terrain.layers_active = max(0, min(terrain.layers_active, len(terrain.layers) - 1))
-        _announce(context)
-        return {"FINISHED"}
 
-
-class ICYMOON_OT_layer_move(_LayerOperator, bpy.types.Operator):
+class ICYMOON_OT_layer_move(_OfLayers, MoveEntry, bpy.types.Operator):
     """Move the selected layer of noise. Its shape changes, because its seed depends on its position"""
 
     bl_idname = "icymoon.layer_move"
     bl_label = "Move Layer"
-
-    direction: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Direction", description="Direction in which the layer moves in the list",
-        items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        terrain = context.scene.icymoon.terrain
-        here = min(terrain.layers_active, len(terrain.layers) - 1)
-        there = here + (-1 if self.direction == "UP" else 1)
-        if not 0 <= there < len(terrain.layers):
-            return {"CANCELLED"}
-        terrain.layers.move(here, there)
-        terrain.layers_active = there
-        _announce(context)
-        return {"FINISHED"}
 
 
 class ICYMOON_OT_show_roughness(bpy.types.Operator):

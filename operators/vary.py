@@ -44,6 +44,7 @@ from ..settings.topics.declaration import Setting
 from ..settings.topics.scene import Settings
 from ..support.printer import show_controls
 from . import dataset, dialogs, jobs, results, variation_pictures
+from .list_editing import EditedList, MoveEntry, RemoveEntry
 from .render import dataset_folder
 from .sidebar_text import in_window, known_speed, plain
 
@@ -214,53 +215,28 @@ def values_of_varied(varied: VariedSetting) -> str:
     return ", ".join(values if len(values) <= _SHOWN else [*values[:_SHOWN - 1], "…", values[-1]])
 
 
-class _ListOperator:
-    """Mix-in: an operator that changes the list of settings that vary."""
+class _OfVariations:
+    """Mix-in: an operator on the list of settings that vary."""
 
-    bl_options = {"REGISTER", "UNDO"}
+    empty = "Nothing varies yet; press Add Setting"
 
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        if not context.scene.icymoon.variations.varied:
-            cls.poll_message_set("Nothing varies yet; press Add Setting")  # type: ignore[attr-defined]
-            return False
-        return True
+    @staticmethod
+    def find(scene: bpy.types.Scene) -> EditedList:
+        return EditedList(scene.icymoon.variations, "varied", "active", "run")
 
 
-class ICYMOON_OT_variation_remove(_ListOperator, bpy.types.Operator):
+class ICYMOON_OT_variation_remove(_OfVariations, RemoveEntry, bpy.types.Operator):
     """Remove the selected setting from the list; the setting itself stays as it is"""
 
     bl_idname = "icymoon.variation_remove"
     bl_label = "Remove Varied Setting"
 
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        group = context.scene.icymoon.variations
-        group.varied.remove(min(group.active, len(group.varied) - 1))
-        group.active = max(0, min(group.active, len(group.varied) - 1))
-        change_announcements.announce(context.scene, "run")
-        return {"FINISHED"}
 
-
-class ICYMOON_OT_variation_move(_ListOperator, bpy.types.Operator):
+class ICYMOON_OT_variation_move(_OfVariations, MoveEntry, bpy.types.Operator):
     """Move the selected setting in the list; the last one changes fastest from pair to pair"""
 
     bl_idname = "icymoon.variation_move"
     bl_label = "Move Varied Setting"
-
-    direction: bpy.props.EnumProperty(  # type: ignore[valid-type]
-        name="Direction", description="Direction of the move",
-        items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")))
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        group = context.scene.icymoon.variations
-        here = min(group.active, len(group.varied) - 1)
-        there = here + (-1 if self.direction == "UP" else 1)
-        if not 0 <= there < len(group.varied):
-            return {"CANCELLED"}
-        group.varied.move(here, there)
-        group.active = there
-        change_announcements.announce(context.scene, "run")
-        return {"FINISHED"}
 
 
 def lines(scene: bpy.types.Scene) -> tuple[str, ...]:

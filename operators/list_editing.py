@@ -1,0 +1,80 @@
+"""Operators that remove and move the entries of a list in the sidebar. A subclass names its list."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, NamedTuple
+
+import bpy
+
+from ..settings.change_announcements import announce
+
+
+class EditedList(NamedTuple):
+    """A list of a property group: its name, the name of the selected index, and the effect of a change."""
+
+    group: Any
+    name: str
+    active: str
+    effect: str
+
+    @property
+    def entries(self) -> Any:
+        """The entries, a collection of Blender's."""
+        return getattr(self.group, self.name)
+
+    @property
+    def selected(self) -> int:
+        """The index of the selected entry; of the last one if an entry was removed since."""
+        return min(getattr(self.group, self.active), len(self.entries) - 1)
+
+    def select(self, index: int, scene: bpy.types.Scene) -> None:
+        """Select an entry and announce a change. Blender itself calls updates for changed entries only."""
+        setattr(self.group, self.active, max(0, min(index, len(self.entries) - 1)))
+        announce(scene, self.effect)
+
+
+class _ListOperator:
+    bl_options: ClassVar[set[str]] = {"REGISTER", "UNDO"}
+    #: Why there is nothing to edit.
+    empty: ClassVar[str]
+
+    @staticmethod
+    def find(scene: bpy.types.Scene) -> EditedList:
+        """The list that this operator edits."""
+        raise NotImplementedError
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not cls.find(context.scene).entries:
+            cls.poll_message_set(cls.empty)  # type: ignore[attr-defined]
+            return False
+        return True
+
+
+class RemoveEntry(_ListOperator):
+    """Mix-in: removes the selected entry."""
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        edited = self.find(context.scene)
+        here = edited.selected
+        edited.entries.remove(here)
+        edited.select(here, context.scene)
+        return {"FINISHED"}
+
+
+class MoveEntry(_ListOperator):
+    """Mix-in: moves the selected entry by one place."""
+
+    direction: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Direction", description="Direction of the move",
+        items=(("UP", "Up", "Toward the first"), ("DOWN", "Down", "Toward the last")))
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        edited = self.find(context.scene)
+        here = edited.selected
+        there = here + (-1 if self.direction == "UP" else 1)
+        if not 0 <= there < len(edited.entries):
+            return {"CANCELLED"}
+        edited.entries.move(here, there)
+        edited.select(there, context.scene)
+        return {"FINISHED"}
