@@ -10,9 +10,11 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from threading import Event
 from typing import Any, NoReturn
 
 import bpy
@@ -29,6 +31,7 @@ from . import baked_light
 from .cycles_errors import first_line
 from .pairs.pair_folder import is_complete
 from .plans.planned_pair import PlannedPair, expand_headings
+from .progress import tell_while_compiling
 from .render_pair import check_space, render_pair
 from .scene_source import FixedScene, ScenesFromSettings
 from .workers.claims import Claims
@@ -37,6 +40,8 @@ from .workers.memory import describe_shortage
 from .workers.shared_light import SharedLight
 
 Send = Callable[..., None]
+#: What takes long before the first sample on a graphics card.
+_COMPILING = "the driver may be compiling for the graphics card, which takes minutes at its first use"
 
 
 def render_pairs(built: Built, pairs: list[PlannedPair], dataset: Path, frame: int, seconds_build: float,
@@ -63,6 +68,7 @@ def render_from(source: FixedScene | ScenesFromSettings, pairs: list[PlannedPair
     check_space(dataset, pairs, again)
     claims = Claims(dataset)
     shared = SharedLight(dataset, claims)
+    sampled = Event()  # whether Cycles has rendered anything here
     try:
         for k, planned in enumerate(pairs):
             with claims.hold(planned.id) as mine:
@@ -70,7 +76,7 @@ def render_from(source: FixedScene | ScenesFromSettings, pairs: list[PlannedPair
                     raise IcyMoonError(f"Pair {planned.id} is being rendered by another process; wait for it.")
                 try:
                     if mine:
-                        _render_one(source, planned, dataset, send, shared, again, k, len(pairs))
+                        _render_one(source, planned, dataset, send, shared, again, k, len(pairs), sampled)
                 except IcyMoonError as error:
                     if claims.is_lost(planned.id) and keep_going:
                         continue  # its new holder has also removed the files that were begun here
@@ -82,13 +88,18 @@ def render_from(source: FixedScene | ScenesFromSettings, pairs: list[PlannedPair
 
 
 def _render_one(source: FixedScene | ScenesFromSettings, planned: PlannedPair, dataset: Path, send: Send,
-                shared: SharedLight, again: bool, k: int, total: int) -> None:
+                shared: SharedLight, again: bool, k: int, total: int, sampled: Event) -> None:
     label = f"Pair {k + 1} of {total}"
     folder = planned.folder(dataset)
 
+    def tell(fraction: float, message: str = label) -> None:
+        send("progress", fraction=(k + fraction) / total, message=message, pair=planned.id, of_pair=fraction)
+
     def report(fraction: float) -> None:
         shared.claims.report_progress()
-        send("progress", fraction=(k + fraction) / total, message=label, pair=planned.id, of_pair=fraction)
+        if fraction > 0:
+            sampled.set()
+        tell(fraction)
 
     rendered = again or not is_complete(folder)
     start = time.perf_counter()
@@ -96,10 +107,12 @@ def _render_one(source: FixedScene | ScenesFromSettings, planned: PlannedPair, d
         report(0.0)
         check(planned.settings, f"Pair {planned.id}")  # an earlier version may have accepted more
         built, scene, seconds_build = source.prepare(planned)
-        indirect = baked_light.provide(built, scene, planned, shared)
         assert source.rays is not None
-        render_pair(built, scene, planned, dataset, seconds_build, report,
-                    partial(shared.claims.is_lost, planned.id), source.rays, again, indirect)
+        with (tell_while_compiling(sampled, partial(tell, 0.0, f"{label}: {_COMPILING}"))
+              if planned.settings.quality.device == "GPU" and not sampled.is_set() else nullcontext()):
+            indirect = baked_light.provide(built, scene, planned, shared)
+            render_pair(built, scene, planned, dataset, seconds_build, report,
+                        partial(shared.claims.is_lost, planned.id), source.rays, again, indirect)
         shared.note_pair(folder)
     send("pair", id=planned.id, folder=str(folder), rendered=rendered, done=k + 1, total=total,
          seconds=round(time.perf_counter() - start, 2))

@@ -1,13 +1,21 @@
-"""Cards are selected in Cycles as they are chosen. Cycles is stood in for: what it reports needs the cards."""
+"""Cards are selected in Cycles as they are chosen, and their first use is told of. Cycles is stood in for: what it
+reports needs the cards."""
 
+import threading
+import time
 from types import SimpleNamespace
+from typing import cast
 
 import bpy
 import pytest
 from icymoon.errors import IcyMoonError
 from icymoon.operators import jobs
-from icymoon.render import graphics_cards
+from icymoon.render import graphics_cards, progress, worker
+from icymoon.render.plans.planned_pair import expand_headings
+from icymoon.render.scene_source import FixedScene
 from icymoon.render.workers.cards import ENVIRONMENT, Cards
+from icymoon.render.workers.shared_light import SharedLight
+from rendering import complete
 
 
 class FakeCycles:
@@ -85,3 +93,75 @@ def test_the_environment_comes_before_what_is_ticked(cycles, monkeypatch):
     cycles.compute_device_type = "OPTIX"
     monkeypatch.setenv(ENVIRONMENT, "0")
     assert jobs.environment_with_cards("GPU", {"A": "b"}) == {"A": "b"}
+
+
+class FakeSource:
+    """Scenes that are built at once."""
+
+    rays = object()
+
+    def prepare(self, planned):
+        return None, None, 0.0
+
+
+def rendered_by_a_fake(monkeypatch, tmp_path, device, headings=1):
+    """The messages about pairs. The light of the first is baked until two of them have told that a driver may be
+    compiling, or for ten of the intervals between these, as all takes that comes after its first sample."""
+    heard = []
+
+    def compiling():
+        return [facts for _, facts in heard if "compiling" in facts.get("message", "")]
+
+    def bake(built, scene, planned, shared):
+        until = time.monotonic() + (60.0 if device == "GPU" else 0.1)
+        while len(compiling()) < 2 and time.monotonic() < until:
+            time.sleep(0.01)
+
+    def render_pair(built, scene, planned, dataset, seconds_build, report, *others):
+        report(0.5)
+        time.sleep(0.1)
+
+    monkeypatch.setattr(progress, "TELL_S", 0.01)
+    monkeypatch.setattr(worker, "render_pair", render_pair)
+    monkeypatch.setattr(worker.baked_light, "provide", bake)
+    monkeypatch.setattr(SharedLight, "note_pair", lambda *arguments: time.sleep(0.1))
+    pairs = expand_headings(complete({"quality": {"device": device}, "dataset": {"headings": headings}}))
+    worker.render_from(cast(FixedScene, FakeSource()), pairs, tmp_path,
+                       lambda kind, **facts: heard.append((kind, facts)))
+    return heard
+
+
+def test_a_worker_tells_that_a_driver_may_be_compiling_until_the_first_sample(monkeypatch, tmp_path):
+    heard = rendered_by_a_fake(monkeypatch, tmp_path, "GPU", headings=2)
+    told = [k for k, (kind, facts) in enumerate(heard) if "compiling" in facts.get("message", "")]
+    first_sample = next(k for k, (kind, facts) in enumerate(heard) if facts.get("of_pair") == 0.5)
+    assert len(told) > 1
+    assert all(k < first_sample for k in told)
+    for k in told:  # the runner takes it for what it hears of the pair
+        kind, facts = heard[k]
+        assert (kind, facts["pair"], facts["fraction"], facts["of_pair"]) == ("progress", heard[0][1]["pair"], 0.0, 0.0)
+    assert [kind for kind, _ in heard].count("pair") == 2
+
+
+def test_a_processor_compiles_nothing(monkeypatch, tmp_path):
+    heard = rendered_by_a_fake(monkeypatch, tmp_path, "CPU")
+    assert not [facts for _, facts in heard if "compiling" in facts.get("message", "")]
+
+
+def test_a_worker_that_hangs_becomes_silent(monkeypatch):
+    monkeypatch.setattr(progress, "TELL_S", 0.01)
+    monkeypatch.setattr(progress, "_LONGEST_S", 0.0)
+    told = []
+    with progress.tell_while_compiling(threading.Event(), lambda: told.append(1)):
+        time.sleep(0.2)
+    assert told == []
+
+
+def test_nothing_is_told_after_a_pair_has_failed(monkeypatch):
+    monkeypatch.setattr(progress, "TELL_S", 0.01)
+    told = []
+    with pytest.raises(IcyMoonError), progress.tell_while_compiling(threading.Event(), lambda: told.append(1)):
+        raise IcyMoonError("It failed.")
+    before = len(told)
+    time.sleep(0.1)
+    assert len(told) == before
