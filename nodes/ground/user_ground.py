@@ -151,9 +151,11 @@ def _check_size(path: Path, extents_m: np.ndarray, fix: str, fix_height: str, to
     """Warnings of unlikely extents. Raises IcyMoonError for impossible ones; ``to_horizon`` may be wider."""
     widest, relief = float(max(extents_m[:2])), float(extents_m[2])
     most = _LARGEST_HORIZON_M if to_horizon else _LARGEST_M
+    if to_horizon and widest > most:
+        fix = f"cut off what is far from the site, or {fix}"
     if not _SMALLEST_M <= widest <= most:
         raise IcyMoonError(f"{path}: is {widest:.3g} m wide, which is no landing site ({_SMALLEST_M:g} to {most:g} "
-                           f"m); {'cut off what is far from the site.' if to_horizon and widest > most else fix}")
+                           f"m); {fix}")
     if not relief <= _LARGEST_M:
         raise IcyMoonError(f"{path}: has a relief of {relief:.3g} m, which is no landing site ({_LARGEST_M:g} m at "
                            f"most); {fix_height}")

@@ -259,10 +259,32 @@ def test_a_site_with_the_ground_out_to_its_horizon_is_read_whole(tmp_path):
     assert not [warning for warning in built.warnings if "source.scale" in warning]
     assert len(positions_of(built.terrain)) == len(positions) + 4
     assert len(read_triangles(built.terrain)) == 2 * len(faces) + 2
-    for found, far_m, words in ((fine, 4e6, "cut off what is far from"), (positions * 2e4, 9e4, "source.scale")):
+    for found, far_m, words in ((fine, 4e6, r"cut off what is far .* or set source\.scale"),
+                                (positions * 2e4, 9e4, r"source\.scale")):
         path = write_ply(tmp_path / "b.ply", *with_horizon(found, faces, far_m))
         with pytest.raises(IcyMoonError, match=rf"which is no landing site .*{words}"):
             scenes.build(empty_scene(), own(path))
+
+
+def test_a_scene_of_blender_is_no_ground_under_any_name(tmp_path):
+    """Of such a file nothing is run or loaded: its texts and drivers would run where scripts are allowed."""
+    mark, path = tmp_path / "run", tmp_path / "a.blend"
+    scene = empty_scene()
+    text = bpy.data.texts.new("run.py")
+    text.write(f"open({str(mark)!r}, 'w')")
+    text.use_module = True
+    thing = bpy.data.objects.new("thing", None)
+    scene.collection.objects.link(thing)
+    thing.driver_add("location", 0).driver.expression = f"open({str(mark)!r}, 'w') and 1"
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    mark.unlink(missing_ok=True)
+    for suffix in grounds.SUFFIXES:
+        named = Path(shutil.copy(path, tmp_path / f"b{suffix}"))
+        with pytest.raises(IcyMoonError, match=r"^[^\n]*\Z") as caught:
+            scenes.build(empty_scene(), own(named))
+        assert str(named) in str(caught.value)
+    assert not mark.exists()
+    assert "run.py" not in bpy.data.texts
 
 
 def bad_inputs(folder: Path) -> dict[str, tuple[Path, dict, str]]:
