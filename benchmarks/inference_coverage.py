@@ -6,7 +6,7 @@ Each cell has so many data sets with seeds of their own. Errors of methods are d
 (sd of the logarithm 1), exponential, or beta(0.3, 5), which is bounded and skewed. All methods have the same spread, or
 the first one a quarter of it. They are shifted so that all typical differences are zero; then each method is worse than
 the one before by 0, 1, 3 or 20 standard deviations. What an interval must contain is the pseudomedian of the
-differences, the median of 4 million means of two, or zero where symmetry says so.
+differences, the median of 4 million means of two, or zero if they are symmetric.
 
 The tables are those of ``docs/theory/inference.md``: the worst of all cells with so many methods and scenes.
 """
@@ -147,24 +147,24 @@ def cells(methods: int, scenes: int) -> list[tuple[str, float, int, int]]:
 
 def percent(shares: np.ndarray | list[float]) -> str:
     """Shares as whole and tenths of a percent."""
-    return " ".join(f"{100 * share:.1f}" for share in shares)
+    return ", ".join(f"{100 * share:.1f}" for share in shares)
 
 
 def rows(runs: int, pool: ProcessPoolExecutor) -> Iterator[tuple[str, float]]:
     """The lines of both tables, and the processor seconds that each took."""
-    yield ("| methods | scenes | false verdicts at " + ", ".join(f"{effect:g}" for effect in EFFECTS) + " sd | joint "
-           "coverage | with normal errors | 1 sd is found |"), 0
+    yield ("| methods | scenes | false verdicts | joint coverage at " + ", ".join(f"{effect:g}" for effect in EFFECTS)
+           + " sd | with normal errors | 1 sd is found |"), 0
     yield "|---|---|---|---|---|---|", 0
     for methods, numbers in SCENES.items():
         for scenes in numbers:
             those = cells(methods, scenes)
             done = list(pool.map(timed, [partial(wrong, cell, runs) for cell in those]))
             found = np.array([shares for shares, _ in done])
-            yield (f"| {methods} | {scenes} | {percent(found[:, 0].max(axis=0))} | "
+            yield (f"| {methods} | {scenes} | {percent([found[:, 0].max()])} | "
                    f"{percent(1 - found[:, 1].max(axis=0))} | {percent([1 - found[0, 1].max()])} | "
                    f"{percent([found[0, 2, 1]])} |", sum(seconds for _, seconds in done))
     yield "", 0
-    yield "| scenes | shares | width | means: " + ", ".join(ERRORS) + " | mean differences of 2, 3, 6 methods |", 0
+    yield f"| scenes | shares | width | means: {', '.join(ERRORS)} | mean differences of 2, 3, 6 methods |", 0
     yield "|---|---|---|---|---|", 0
     for scenes in SCENES_OF_MEANS:
         done = list(pool.map(timed, [partial(wrong_shares, *each) for each in product(

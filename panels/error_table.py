@@ -42,7 +42,7 @@ def explain_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[s
         draw_sentence(layout, "Rank: by wrong pixels in the typical scene, a range where the scenes leave it open. "
                               "Star: no matcher is better beyond doubt, and at least one is worse.")
     elif (count := sum(bool(row["n"]) for row in rows)) > 1:
-        draw_sentence(layout, f"No ranks: for {count} matchers these take {scenes_for_methods(count)} scenes.")
+        draw_sentence(layout, f"No ranks: these take {scenes_for_methods(count)} scenes.")
     for sentence in results.typical_differences(scene):
         draw_sentence(layout, sentence)
     for sentence in results.rare_failures(scene):

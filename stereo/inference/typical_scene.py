@@ -3,7 +3,7 @@
 The typical difference is the pseudomedian of the scenes' differences, the median of the Walsh averages (Hodges and
 Lehmann 1963). Its tests are Wilcoxon's signed ranks. Whole scenes get random signs, the same for all comparisons, and
 the largest statistic of each flip is what an observed one is compared with (Westfall and Young 1993). The signs are
-those of the differences *from the typical one*, so what is said shifts with the differences, and errors are as rare
+those of the differences *from the typical one*, so all results shift with the differences, and errors are as rare
 where methods differ much. A verdict is that an interval does not contain zero. Going on step by step once the largest
 difference is found would find a few more, and too many of them where methods are equal.
 

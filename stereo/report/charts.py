@@ -173,7 +173,7 @@ def _draw_differences(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
                    and entry["typical_high"] is not None][:_MOST_COMPARED]
         if not entries:
             continue
-        with panel(found, f"typical-{key}-", "Typical scene, 95 % for all; filled: they differ",
+        with panel(found, f"typical-{key}-", "Typical scene; filled: they differ",
                    1.2 + _COMPARED_HEIGHT * len(entries)) as axis:
             for place, entry in enumerate(entries):
                 middle, low, high = (factor * entry[name] for name in ("typical", "typical_low", "typical_high"))

@@ -198,8 +198,8 @@ def _provenance(methods: Sequence[Method], facts: Mapping[str, list[Any]], sourc
             "versions": packages.find_versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
             "sparsification_shares": list(SHARES),
             "averages": "mean over pairs, each pair with equal weight; pooled_* over the pixels of all pairs",
-            "intervals": "95 %, over scenes; of shares from 2 scenes on, of other means from "
-                         f"{FEWEST_FOR_MEAN} scenes on by the bootstrap, approximate below {FEWEST_EXACT}",
+            "intervals": f"95 %, over scenes: of shares from 2 scenes on, of other means from {FEWEST_FOR_MEAN} scenes "
+                         f"on, approximate below {FEWEST_EXACT}",
             "verdicts": "typical scene (pseudomedian), signed ranks, random signs of scenes, 5 % for all "
                         f"comparisons by a metric, seed {seed}",
             "pixels": REGIONS | {f"common_{prefix}": f"pixels that both compared methods measured, {which}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from icymoon.stereo.decisions.report import COLUMNS, find_notes, head_sentences, summarise
+from icymoon.stereo.decisions.report import COLUMNS, compare_methods, find_notes, head_sentences, summarise
 
 SHARES = {column.key for column in COLUMNS if column.unit == "%"} | {"sites.average_precision", "sites.roc_area"}
 
@@ -48,6 +48,23 @@ def test_no_unsafe_site_in_any_scene_is_no_certainty():
     assert (1 - entry["intervals"]["sites.false_safe"][1]) ** 5 == pytest.approx(0.025, abs=0.004)
     one = summary(*[(0.0, 0.5, 0.0, 0.01)] * 4, (0.01, 0.5, 0.0, 0.01))
     assert one["intervals"]["sites.false_safe"][1] > entry["intervals"]["sites.false_safe"][1]
+
+
+@pytest.mark.parametrize(("scenes", "found"), [(5, 0), (6, 1)])
+def test_matchers_are_compared_in_the_typical_scene(scenes, found):
+    rows = [{"pair": str(k), "method": method, "status": "ok", "numbers": {
+        "dem": {"rmse_m": (0.01 + 1e-4 * k) * factor, "completeness": 1.0},
+        "sites": {"false_safe": 0.1, "cells": [9, 9, 0, 0]}}}
+        for k in range(scenes) for method, factor in (("true depth", 0.1), ("bm", 1.0), ("sgbm", 3.0))]
+    facts = [{"pair": str(k), "scene": str(k), "exact": True, "arm": {"kind": "PARAMETRIC"}} for k in range(scenes)]
+    entries = compare_methods(rows, facts, ["true depth", "bm", "sgbm"], 0)
+    assert len(entries) == found
+    for entry in entries:
+        assert (entry["metric"], entry["better"], entry["worse"], entry["scenes"]) == ("dem.rmse_m", "bm", "sgbm", 6)
+        assert entry["typical"] == pytest.approx(2 * 0.01025)
+        assert entry["typical_interval"] == pytest.approx([0.02, 0.021])
+    told = " ".join(find_notes(rows, facts))
+    assert ("no difference between 2 matchers can be shown; it takes 6." in told) == (not found)
 
 
 def test_where_no_image_shows_ground_in_reach_nothing_is_told_of_sites():
