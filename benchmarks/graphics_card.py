@@ -44,9 +44,11 @@ from icymoon.labels import IMAGE_PASS, TRUTH
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.workers.cards import BACKENDS, ENVIRONMENT
 from icymoon.settings import description, preset_files
+from icymoon.settings.topics.declaration import Parts
+from icymoon.settings.topics.rendering import QualitySettings
+from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.trade.measure_variants import scaled_view
 from icymoon.system import count_processors
-from icymoon.typed_settings import Parts, QualitySettings, Settings
 
 PROCESSOR = "processor"
 #: Headings of the snow, of the baked scene and of the one with many samples; samples of the latter.

@@ -22,6 +22,7 @@ import pairs
 from icymoon.render.pairs.pair_folder import Pair
 from icymoon.stereo.export.points import measured_points
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
+from icymoon.stereo.inference.typical_scene import compare
 from icymoon.stereo.matchers import match
 from icymoon.stereo.measure.by_pixel_class import sums_by_class, texture
 from icymoon.stereo.measure.common_pixels import common_numbers
@@ -37,7 +38,6 @@ from icymoon.stereo.measure.metrics import (
 )
 from icymoon.stereo.measure.prepare import load, prepare
 from icymoon.stereo.measure.result_row import depth_of, own_numbers
-from icymoon.stereo.report.comparisons import compare
 
 
 def cost(work: Callable[[], object]) -> tuple[float, float]:

@@ -34,7 +34,7 @@ METRICS = ("total_bad_1", "coverage", "l1_m", "l1_rate_10", "si_rmse", "dod")
 _ROW = {"method": TEXT, **{name: Maybe(NUMBER, null=True) for name in METRICS},
         "n": Maybe(COUNT), "pairs": Maybe(COUNT), "ranks": Maybe(Each(Each(COUNT), TEXT))}
 #: Lists of sentences of a report that the scene keeps, see ``Kept``.
-_SENTENCES = ("notes", "briefs", "rare_failures", "doubts")
+_SENTENCES = ("notes", "briefs", "rare_failures", "doubts", "typical_differences")
 _SHAPE = {"made": TEXT, "scope": TEXT, "pairs": Each(TEXT), "settings": Each(TABLE, TEXT), "summary": Each(_ROW),
           **dict.fromkeys(_SENTENCES, Maybe(Each(TEXT)))}
 _FILES = Maybe(Each({"method": TEXT, "images": Maybe(Each(TEXT, TEXT))}))
@@ -66,6 +66,7 @@ class Kept:
     briefs: tuple[str, ...] = ()  # of the notes
     rare_failures: tuple[str, ...] = ()  # which matchers fail heavily in few pairs
     doubts: tuple[str, ...] = ()  # the notes that make results doubtful
+    typical_differences: tuple[str, ...] = ()  # of every two matchers, with intervals
 
 
 def keep_results(scene: bpy.types.Scene, scope: str, settings: Settings, pairs: Sequence[str] = ()) -> None:
@@ -164,6 +165,12 @@ def rare_failures(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Sentences on matchers that fail heavily in few pairs, on which the ranks depend."""
     found = kept_results(scene)
     return found.rare_failures if found else ()
+
+
+def typical_differences(scene: bpy.types.Scene) -> tuple[str, ...]:
+    """Sentences on how matchers differ in the typical scene, with intervals; empty if an older version wrote them."""
+    found = kept_results(scene)
+    return found.typical_differences if found else ()
 
 
 def differences(scene: bpy.types.Scene) -> list[str]:

@@ -9,8 +9,8 @@ from typing import Any
 import bpy
 
 from ..operators import results
+from ..stereo.inference.typical_scene import scenes_for_methods
 from ..stereo.matchers.methods import describe_method
-from ..stereo.report.comparisons import FEWEST_SCENES
 from ..stereo.report.table_columns import NO_RESULT, RANKING, format_rank, is_best
 from .fields import draw_lines, draw_sentence
 
@@ -39,10 +39,12 @@ def explain_errors(layout: Any, scene: bpy.types.Scene, rows: Sequence[Mapping[s
     draw_sentence(layout, "Wrong order (DOD): share of pairs of pixels of which the wrong one is nearer. Shape "
                           "error (si-RMSE): spread of the ratio of measured to true depth, blind to scale.")
     if any(row["ranks"] for row in rows):
-        draw_sentence(layout, "Rank: by wrong pixels, a range where the scenes leave it open. Star: no matcher is "
-                              "better beyond doubt, and at least one is worse.")
-    elif sum(bool(row["n"]) for row in rows) > 1:
-        draw_sentence(layout, f"No ranks: these need {FEWEST_SCENES} scenes.")
+        draw_sentence(layout, "Rank: by wrong pixels in the typical scene, a range where the scenes leave it open. "
+                              "Star: no matcher is better beyond doubt, and at least one is worse.")
+    elif (count := sum(bool(row["n"]) for row in rows)) > 1:
+        draw_sentence(layout, f"No ranks: these take {scenes_for_methods(count)} scenes.")
+    for sentence in results.typical_differences(scene):
+        draw_sentence(layout, sentence)
     for sentence in results.rare_failures(scene):
         draw_lines(layout, (sentence,), "ERROR")
 

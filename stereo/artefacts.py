@@ -19,6 +19,7 @@ from .measure.result_row import depth_of
 
 #: The files that an evaluation writes into its folder, beside ``pairs/``, and how each begins.
 _OPENINGS: Mapping[str, bytes] = {"results.jsonl": b'{"pair": ', "results.csv": b"pair,method,status,",
+             "comparisons.csv": b"a,b,metric,kind,",
              "report.json": b'{\n "format": "icymoon-', "summary.json": b'{\n "format": "icymoon-',
              "report.html": b'<!DOCTYPE html>\n<html lang="en">\n<head>\n'}
 

@@ -54,24 +54,26 @@ def evaluate(paths: Sequence[Path], methods: Sequence[Method], out: Path,
     With ``guiss`` the HTML report shows the numbers of the reference code, which are always in the rows. With
     ``points`` the measured surfaces are written too.
 
-    Writes to ``out``: ``results.jsonl`` (each row at once), then ``results.csv``, ``report.json``, ``summary.json``
-    (the same without rows and pairs) and ``report.html``; for each pair, in ``pairs/<pair>/``, ``facts.json``,
-    pictures, disparities and points. Rows of an earlier run with the same pair, method, options, response and versions
-    are kept and not computed again.
+    Writes to ``out``: ``results.jsonl`` (each row at once), then ``results.csv``, ``comparisons.csv``, ``report.json``,
+    ``summary.json`` (the same without rows and pairs) and ``report.html``; for each pair, in ``pairs/<pair>/``,
+    ``facts.json``, pictures, disparities and points. Rows of an earlier run with the same pair, method, options,
+    response and versions are kept and not computed again.
 
     ``on_event`` gets {"type": "progress", "fraction", "done", "total", "message"}, {"type": "error", "message"} for
     each failure, {"type": "warning", "message"} for each suspect pair and each doubt about the images of a pair, and
     {"type": "note", "message"} for facts about pairs of other data sets. Raises IcyMoonError if there is no pair, if
     ``out`` cannot be written, or if it contains files that no evaluation wrote.
 
-    The report is {"format", "version", "summary", "comparisons", "verdicts", "rare_failures", "rows", "pairs",
-    "failed", "suspect", "notes", "briefs", "doubts", "plug_ins", "provenance"}; ``notes`` are sentences on what limits
-    the comparison, ``briefs`` their first parts, for where there is little room, ``doubts`` the notes that make results
-    doubtful; an undefined value is null. ``rows`` and ``pairs`` are read from the disk on demand.
+    The report is {"format", "version", "summary", "comparisons", "verdicts", "typical_differences", "rare_failures",
+    "rows", "pairs", "failed", "suspect", "notes", "briefs", "doubts", "plug_ins", "provenance"}; ``notes`` are
+    sentences on what limits the comparison, ``briefs`` their first parts, for where there is little room, ``doubts``
+    the notes that make results doubtful; an undefined value is null. ``rows`` and ``pairs`` are read from the disk on
+    demand.
 
     * ``summary``: one entry per method, see ``summary.summarise_method``, with its ``ranks``; ``comparisons``: see
-      ``summary.compare_methods``; ``verdicts``: their conclusions, in words;
-      ``rare_failures``: the verdicts that say which methods fail heavily in few pairs.
+      ``summary.compare_methods``; ``verdicts``: their conclusions, in words; ``typical_differences``: how every two
+      methods differ in the typical scene, in words; ``rare_failures``: the verdicts that say which methods fail heavily
+      in few pairs.
     * ``plug_ins``: the metrics of plug-ins, see ``plug_in.PluginMetric.to_json``; the numbers are in ``plug_ins`` of
       each row, and their means with intervals in ``plug_ins`` of each entry of the summary.
     * ``rows``: ``pair``, ``method``, ``status`` ("ok", "suspect" or "failed"), the numbers of ``row.NUMBERS``,

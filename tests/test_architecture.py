@@ -24,7 +24,7 @@ PURE = (
     "physics/surfaces", "physics/light", "physics/camera", "physics", "rays",
     "formats", "paper_stand_ins", "settings",
     "render/pairs", "render/plans", "render/workers", "render/cost",
-    "stereo/environment", "stereo/images", "stereo/measure", "stereo/networks",
+    "stereo/environment", "stereo/inference", "stereo/images", "stereo/measure", "stereo/networks",
     "stereo/adapters", "stereo/matchers",
     "stereo/export", "stereo/datasets", "stereo/report", "stereo/decisions", "stereo/trade", "stereo",
     "validation/polar", "validation", "commands", "library")

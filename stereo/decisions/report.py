@@ -17,13 +17,13 @@ from ...files import escape_cell, read_text, write_json, write_text
 from ...number_text import count_of, show_rounded
 from ...support.foreign_bytes import parse_toml
 from ...version import version
+from ..inference import typical_scene
+from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN, intervals, scene_means
 from ..matchers.methods import describe_method
 from ..measure.render_noise import BAKE, DECIDES, UNKNOWN
-from ..report import comparisons
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg
 from ..report.pages import read_template
 from ..report.pictures import embed_picture
-from ..report.scene_intervals import intervals, scene_means, wilson_interval, within_range
 from ..report.table_columns import Column, format_interval, format_number
 from . import pictures
 from .rules import SHIPPED, Rules
@@ -76,13 +76,10 @@ SCOOP_COLUMNS = (
     Column("dem.beside_share", "Lost beside", "%", 1, "of the cells in reach that the left image shows, those that "
            "only the pixels left out know"))
 COLUMNS = (*DEM, *SITES, *OTHERS, *SCOOP_COLUMNS)
-#: Numbers of at most 1 beside those in %, those that are yes or no in each pair, and shares that endanger: 0 of them in
-#: all scenes is no certainty.
+#: Numbers from 0 to 1 beside those in %.
 _SHARES = ("sites.average_precision", "sites.roc_area", "sites.regret")
-_EITHER_OR = ("sites.unsafe_choice", "sites.no_site")
-_ENDANGERS = ("sites.false_safe", "pads.false_safe")
-_INTERVALS = ("Student's t, inside the range of the number, but Wilson's of choices that are unsafe or missing, and of "
-              "unsafe shares that are 0 in all scenes")
+_INTERVALS = (f"of shares from 2 scenes on, of other means from {FEWEST_FOR_MEAN} scenes on, approximate below "
+              f"{FEWEST_EXACT}")
 #: By what methods are compared; less is better but for those of _MORE.
 _COMPARED = ("sites.false_safe", "sites.safe_lost", "sites.average_precision", "dem.rmse_m")
 _MORE = ("sites.average_precision",)
@@ -144,7 +141,7 @@ def summarise(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, An
         defined = ~np.isnan(values)
         means = np.divide(np.where(defined, values, 0.0).sum(axis=0), defined.sum(axis=0),
                           out=np.full(len(COLUMNS), np.nan), where=defined.any(axis=0))
-        bounds = _find_bounds(values, scenes, means)
+        bounds = intervals(values, scenes, np.array([is_share(column) for column in COLUMNS]))
         result.append({"method": label, "pairs": len(values), "scenes": len(np.unique(scenes)),
                        "base_rate": float(np.mean(rates)) if rates else None,
                        "roc": np.mean(curves, axis=0).tolist() if curves else None,
@@ -156,18 +153,9 @@ def summarise(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, An
     return result
 
 
-def _find_bounds(values: np.ndarray, scenes: np.ndarray, means: np.ndarray) -> np.ndarray:
-    """The 95 % bounds (columns, 2) of means over pairs from the scenes' differences; NaN of fewer than two scenes."""
-    if not len(values):
-        return np.full((len(COLUMNS), 2), np.nan)
-    bounds = within_range(intervals(values, scenes), (values < 0).any(axis=0),
-                          np.array([column.unit == "%" or column.key in _SHARES for column in COLUMNS]))
-    number = np.isfinite(scene_means(values, scenes)).sum(axis=0)
-    for k, column in enumerate(COLUMNS):
-        unseen = column.key in _ENDANGERS and means[k] == 0.0
-        if (column.key in _EITHER_OR or unseen) and number[k] >= 2:
-            bounds[k] = wilson_interval(float(means[k]), int(number[k]))
-    return bounds
+def is_share(column: Column) -> bool:
+    """Whether a number is a share, from 0 to 1."""
+    return column.unit == "%" or column.key in _SHARES
 
 
 def _none(value: float) -> float | None:
@@ -176,10 +164,10 @@ def _none(value: float) -> float | None:
 
 def compare_methods(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, Any]], labels: Sequence[str],
                     seed: int) -> list[dict[str, Any]]:
-    """Which matchers differ by a decision: paired over scenes, as one family for each number, see
-    ``report.comparisons``. Only what was found, the better one first."""
+    """Which matchers differ by a decision in the typical scene: paired over scenes, as one family for each number, see
+    ``inference.typical_scene``. Only what was found, the better one first, with the typical difference."""
     matchers = list(labels[1:])
-    chosen = comparisons.pairs_of(len(matchers))
+    chosen = typical_scene.pairs_of(len(matchers))
     scene_of = {fact["pair"]: fact["scene"] for fact in facts}
     found: list[dict[str, Any]] = []
     if not chosen:
@@ -189,16 +177,17 @@ def compare_methods(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[s
         of = {(row["pair"], row["method"]): value_of(row, column) for row in rows if row["status"] == "ok"}
         pairs = sorted(scene_of, key=lambda pair: scene_of[pair])
         scenes = np.unique([scene_of[pair] for pair in pairs], return_inverse=True)[1]
-        values = np.array([[of.get((pair, a), math.nan) - of.get((pair, b), math.nan) for a, b in (
-            (matchers[i], matchers[j]) for i, j in chosen)] for pair in pairs]).reshape(len(pairs), len(chosen))
-        if not len(values):
+        if not pairs:
             continue
-        family = comparisons.compare(scene_means(values, scenes), seed)
+        numbers = np.array([[of.get((pair, matcher), math.nan) for matcher in matchers] for pair in pairs])
+        values = np.stack([typical_scene.subtract(numbers[:, i], numbers[:, j]) for i, j in chosen], axis=1)
+        family = typical_scene.compare(scene_means(values, scenes), seed)
         for k, (i, j) in enumerate(chosen):
             if family.found[k]:
-                first = (family.mean[k] < 0) != (key in _MORE)
+                first = (family.typical[k] < 0) != (key in _MORE)
                 found.append({"metric": key, "better": matchers[i if first else j],
-                              "worse": matchers[j if first else i], "difference": abs(float(family.mean[k])),
+                              "worse": matchers[j if first else i], "typical": abs(float(family.typical[k])),
+                              "typical_interval": sorted(abs(float(each)) for each in (family.low[k], family.high[k])),
                               "p": float(family.p[k]), "scenes": int(family.scenes[k])})
     return found
 
@@ -307,9 +296,11 @@ def find_notes(rows: Sequence[Mapping[str, Any]], facts: Sequence[Mapping[str, A
                      "there is nothing to decide; move the workspace, the arm or the camera.")
     notes += dict.fromkeys(said for fact in facts for said in (fact.get("excavation") or {}).get("advice", []))
     scenes = len({fact["scene"] for fact in facts})
-    if scenes < comparisons.FEWEST_SCENES:
+    matchers = len({row["method"] for row in rows} - {TRUE_DEPTH})
+    if scenes < (needed := typical_scene.scenes_for_methods(matchers)):
         counted = "One scene tells no interval, and" if scenes == 1 else f"With {scenes} scenes"
-        notes.append(f"{counted} no difference between matchers can be shown; it takes {comparisons.FEWEST_SCENES}.")
+        between = f"{matchers} matchers" if matchers > 1 else "matchers"
+        notes.append(f"{counted} no difference between {between} can be shown; it takes {needed}.")
     return notes
 
 
@@ -336,7 +327,7 @@ def _page(report: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], facts: S
     return read_template("decisions.html.j2", Path(__file__).parent).render(
         report=report, groups=(("Sites", SITES), ("Elevation model", DEM), ("Landing pads and cost", OTHERS),
                 *((("The arm", SCOOP_COLUMNS),) if _has_scoop(rows) else ())),
-        cell=format_cell, bounds=_bounds,
+        cell=format_cell, bounds=_bounds, apart=_apart,
         how=_INTERVALS if any(entry["scenes"] > 1 for entry in report["summary"]) else "",
         titles=titles, roc=_draw_roc(report["summary"]), rules=stated,
         changes=[{"entry": entry, "step": step, "map": embed_picture(out / step["map"], 10_000)}
@@ -364,6 +355,14 @@ def _bounds(entry: Mapping[str, Any], column: Column) -> str:
     factor = _MM if column.unit == "mm" else 1.0
     low, high = (None if bound is None else factor * bound for bound in entry["intervals"][column.key])
     return format_interval([low, high], column)
+
+
+def _apart(found: Mapping[str, Any]) -> str:
+    """The typical difference of a comparison in the unit of its column, with its interval."""
+    column = next(each for each in COLUMNS if each.key == found["metric"])
+    factor, unit = (_MM, " mm") if column.unit == "mm" else (1.0, " points" if column.unit == "%" else "")
+    low, high = (format_number({column.key: factor * each}, column) for each in found["typical_interval"])
+    return f"by {format_number({column.key: factor * found['typical']}, column)}{unit}, {low} to {high}"
 
 
 def _pair_section(fact: Mapping[str, Any], rows: Sequence[Mapping[str, Any]], out: Path) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """A map of decisions against the truth's: its correct and its dangerous decisions, and their cost.
 
-Cells of one map are not independent: intervals are over scenes, see ``report.scene_intervals``.
+Cells of one map are not independent: intervals are over scenes, see ``inference.scene_means``.
 """
 
 from __future__ import annotations

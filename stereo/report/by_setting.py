@@ -11,8 +11,8 @@ import numpy as np
 
 from ...settings.table import TOPICS, all_settings
 from ...settings.topics.declaration import Parts
-from .scene_intervals import intervals
-from .summary import Table
+from ..inference.scene_means import intervals
+from .summary import Table, is_share
 
 #: Settings, as topic.key, that determine the ground; pairs that share them share a scene, in any light and camera.
 _GROUND = {f"{topic}.{setting.key}" for topic, setting in all_settings() if setting.effect == "geometry"}
@@ -104,7 +104,8 @@ def _join_inseparable(sweeps: list[Sweep]) -> list[Sweep]:
 
 def mean_by_level(sweep: Sweep, table: Table, method: int, metric: str,
                   among: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """The mean (levels,) of a metric over the pairs at each level of a setting, and its 95 % bounds (levels, 2).
+    """The mean (levels,) of a metric over the pairs at each level of a setting, and its 95 % bounds (levels, 2), NaN
+    where there are too few scenes for them.
 
     ``among`` (pairs,) is true for the pairs that count, by default all.
     """
@@ -116,7 +117,7 @@ def mean_by_level(sweep: Sweep, table: Table, method: int, metric: str,
         at = (level == k) & known
         if at.any():
             means[k] = numbers[at].mean()
-            bounds[k] = intervals(numbers[at, None], table.scenes[at])[0]
+            bounds[k] = intervals(numbers[at, None], table.scenes[at], np.array([is_share(metric)]))[0]
     return means, bounds
 
 

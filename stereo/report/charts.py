@@ -18,13 +18,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ...support.printer import show_lines
+from ..inference.scene_means import scene_means
 from ..matchers.methods import describe_method
 from ..measure import by_pixel_class
 from ..measure.disparity_histograms import ERROR_PX, PARTS
 from ..measure.metrics import ERROR_STEPS_M, SHARES
-from .comparisons import FEWEST_SCENES
 from .phase_curves import PHASE_DEG
-from .scene_intervals import scene_means
 from .summary import Table
 
 #: After Okabe and Ito, distinct for colour-blind eyes; visible on a white and on a black page.
@@ -34,7 +33,7 @@ _SHAPES = {"o": "M1 5a4 4 0 1 0 8 0a4 4 0 1 0-8 0", "s": "M1.5 1.5h7v7h-7z", "^"
            "D": "M5 .5l4.5 4.5l-4.5 4.5l-4.5-4.5z", "v": "M5 9L.5 1h9z",
            "P": "M3.5 1h3v2.5h2.5v3h-2.5v2.5h-3v-2.5h-2.5v-3h2.5z"}
 #: The groups of charts in the report.
-CHARTS = ("front", "errors", "signed", "range", "strata", "phase")
+CHARTS = ("typical", "front", "errors", "signed", "range", "strata", "phase")
 _INK, _LINE = "#010203", "#040506"  # placeholders for the colours of the page, which the browser fills in
 STYLE: dict[Any, Any] = {
     "font.size": 9, "axes.edgecolor": _LINE, "axes.labelcolor": _INK, "text.color": _INK, "xtick.color": _INK,
@@ -48,8 +47,12 @@ _PANEL_WIDTH = 4.8
 DASHES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1)), (0, (1, 3)))
 #: Most scenes that are drawn as dots of their own, and most characters of a method's name in a chart.
 _MOST_DOTS, _LONGEST_LABEL = 60, 24
-#: The colour of an interval that allows no verdict, and what the title of its chart adds.
-_GREY, _FEW = "#8a94a0", "; grey: mean, 95 %"
+#: The colour of an interval beside few scenes, what the title of its chart adds, and the fewest scenes of a box.
+_GREY, _FEW, _FEWEST_IN_BOX = "#8a94a0", "; grey: mean, 95 %", 6
+#: Metrics whose typical differences are drawn, with factor and name; most comparisons, and inches that each takes.
+_DIFFERENCES = (("total_bad_1", 100.0, "points of pixels missing or off by > 1 px"),
+                ("common_epe_px", 1.0, "ratio of mean disparity errors"))
+_MOST_COMPARED, _COMPARED_HEIGHT = 15, 0.3
 #: Classes with fewer true pixels than this are not drawn.
 _FEWEST = 200
 
@@ -118,11 +121,14 @@ def set_logarithmic(axis: Axes, which: str) -> None:
     along.set_minor_formatter(NullFormatter())
 
 
-def draw_charts(summary: Summary, table: Table, laws: Mapping[str, np.ndarray]) -> dict[str, list[str]]:
+def draw_charts(summary: Summary, table: Table, laws: Mapping[str, np.ndarray],
+                comparisons: Sequence[Mapping[str, Any]]) -> dict[str, list[str]]:
     """Draw all charts but those of settings that vary: for each of ``CHARTS``, the SVG texts; none if there is nothing
-    to draw. The methods have the colours and marks of ``method_keys``. ``laws``: see ``phase_curves.phase_curves``."""
+    to draw. The methods have the colours and marks of ``method_keys``. ``laws``: see ``phase_curves.phase_curves``,
+    ``comparisons``: ``summary.compare_methods``."""
     with matplotlib.rc_context(STYLE):
-        return {"front": _draw_front(summary, table), "errors": _draw_errors(summary),
+        return {"typical": _draw_differences(comparisons), "front": _draw_front(summary, table),
+                "errors": _draw_errors(summary),
                 "signed": _draw_histograms(summary), "range": _draw_range(summary),
                 "strata": _draw_pixel_classes(summary), "phase": _draw_phase_curves(laws)}
 
@@ -159,6 +165,29 @@ def _draw_phase_curves(laws: Mapping[str, np.ndarray]) -> list[str]:
     return found
 
 
+def _draw_differences(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Draw the typical difference of every two methods with its interval, where there are scenes enough for one."""
+    found: list[str] = []
+    for key, factor, label in _DIFFERENCES:
+        entries = [entry for entry in comparisons if entry["metric"] == key and entry["typical_low"] is not None
+                   and entry["typical_high"] is not None][:_MOST_COMPARED]
+        if not entries:
+            continue
+        with panel(found, f"typical-{key}-", "Typical scene; filled: they differ",
+                   1.2 + _COMPARED_HEIGHT * len(entries)) as axis:
+            for place, entry in enumerate(entries):
+                middle, low, high = (factor * entry[name] for name in ("typical", "typical_low", "typical_high"))
+                axis.errorbar([middle], [place], xerr=[[max(middle - low, 0.0)], [max(high - middle, 0.0)]],
+                              color=COLOURS[0], marker="o", capsize=3, elinewidth=1.4,
+                              markerfacecolor=COLOURS[0] if entry["better"] else "none")
+            axis.axvline(1.0 if entries[0]["kind"] == "ratio" else 0.0, color=_INK, linewidth=0.8)
+            axis.set_yticks(range(len(entries)), [" / ".join(describe_method(entry[side])[:_LONGEST_LABEL]
+                                                             for side in "ab") for entry in entries])
+            axis.set_ylim(len(entries) - 0.4, -0.6)
+            axis.set_xlabel(label)
+    return found
+
+
 def _draw_front(summary: Summary, table: Table) -> list[str]:
     """Draw wrong or missing pixels against time, with the front of methods that no other beats in both, and the spread
     over scenes."""
@@ -190,10 +219,10 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
         most = max(map(len, values), default=0)
         if most < 2:
             continue
-        with panel(found, "front", title + _FEW * (most < FEWEST_SCENES)) as axis:
+        with panel(found, "front", title + _FEW * _has_bars(values, summary, key)) as axis:
             for k, entry, look in each_method(summary):
                 bounds = entry["intervals"].get(key)
-                if len(values[k]) < FEWEST_SCENES and bounds:
+                if len(values[k]) < _FEWEST_IN_BOX and bounds:
                     middle, low, high = (factor * each for each in (entry[key], *bounds))
                     axis.errorbar([k + 0.3], [middle], [[middle - low], [high - middle]], color=_GREY, marker="_",
                                   markersize=9, capsize=4, elinewidth=1.2)
@@ -205,9 +234,15 @@ def _draw_front(summary: Summary, table: Table) -> list[str]:
     return found
 
 
+def _has_bars(values: Sequence[np.ndarray], summary: Summary, key: str) -> bool:
+    """Whether a method has so few scenes that an interval of its mean stands beside them, and has one."""
+    return any(len(own) < _FEWEST_IN_BOX and key in entry["intervals"]
+               for own, entry in zip(values, summary, strict=True))
+
+
 def _draw_spread(axis: Axes, place: int, values: np.ndarray, look: dict[str, Any]) -> None:
     """Draw the value of each scene and, if they are many, a box of the quartiles with whiskers from 5 to 95 %."""
-    if len(values) >= FEWEST_SCENES:
+    if len(values) >= _FEWEST_IN_BOX:
         axis.boxplot(values, positions=[place], widths=0.5, whis=(5, 95), showfliers=False, manage_ticks=False,
                      boxprops={"color": look["color"]}, medianprops={"color": look["color"], "linewidth": 2.4},
                      whiskerprops={"color": look["color"]}, capprops={"color": look["color"]})

@@ -21,6 +21,7 @@ from ...files import write_text
 from ...number_text import count_of
 from ...settings.toml_text import to_toml
 from ..images import colours
+from ..inference.scene_means import FEWEST_FOR_MEAN
 from ..matchers.methods import Method, describe_method
 from ..measure.result_row import REGION_METRICS, REGIONS
 from .by_setting import SCENE, Sweep
@@ -91,9 +92,12 @@ def write_report(report: Mapping[str, Any], ranking: Mapping[str, Any], chosen: 
         region_metrics=REGION_METRICS, metric_names=METRIC_NAMES,
         columns=SUMMARY, totals=(*TOTALS, SECONDS), measured=MEASURED,
         compared=_comparison_rows(report["comparisons"]), compared_columns=COMPARED_COLUMNS,
-        format_number=format_number, format_interval=format_interval, guiss=GUISS if guiss else (),
+        compared_methods=len({entry[side] for entry in report["comparisons"] for side in "ab"}),
+        fewest_for_mean=FEWEST_FOR_MEAN, format_number=format_number, format_interval=format_interval,
+        guiss=GUISS if guiss else (),
         plugin_columns=columns_of_plugins(report["plug_ins"]), format_plugin=format_plugin,
-        charts=draw_charts(report["summary"], table, phase_curves(report["pairs"])),
+        charts=draw_charts(report["summary"], table, phase_curves(report["pairs"]),
+                           report["comparisons"]),
         sweeps=draw_sweeps(report["summary"], table, sweeps),
         other_sweeps=[sweep.title for sweep in sweeps[MOST_SWEEPS:]],
         scenes=_list_scenes(sweeps, table), mixed=count_values(report["pairs"]),

@@ -1,12 +1,11 @@
 """Methods that fail heavily in few pairs, so that chance decides how many of these failures a data set contains.
 
-Whether such a method is better on average depends on these failures, and no test of means can know how many there might
-have been: with 6 scenes it calls equal methods different in 27 of 100 data sets instead of 5 (see
-``docs/theory/metrics``). The sign: in at most a tenth of the pairs, a method's excess over the other methods' median
-is at least a third of its error in all pairs, and at least half of its error in these pairs. If nothing is special
-about any pair, a tenth of the pairs has a tenth of the error. With lognormal errors it has a third only if the errors
-vary by a factor of 2.3 from pair to pair; errors of ordinary methods vary by 1.6. Pairs that are hard for all methods
-are no sign, as they cancel in the differences.
+Whether such a method is better on average depends on these failures. The typical scene has none, so a verdict on it
+does not count them. The sign: in at most a tenth of the pairs, a method's excess over the other methods' median is at
+least a third of its error in all pairs, and at least half of its error in these pairs. If nothing is special about any
+pair, a tenth of the pairs has a tenth of the error. With lognormal errors it has a third only if the errors vary by a
+factor of 2.3 from pair to pair; errors of ordinary methods vary by 1.6. Pairs that are hard for all methods are no
+sign, as they cancel in the differences.
 """
 
 from __future__ import annotations
@@ -60,6 +59,7 @@ def find_rare_failures(table: Table) -> list[RareFailure]:
 def describe_rare_failures(table: Table) -> list[str]:
     """A sentence for each method that fails heavily in few pairs."""
     return [f"{describe_method(each.method)} fails rarely but heavily: {each.failing} of {each.pairs} pairs contain "
-            f"{100 * each.share:.0f} % of its wrong or missing pixels, and other methods have far fewer there. Chance "
-            "decides how many such pairs a data set contains, and so any verdict on it; evaluate more scenes."
+            f"{100 * each.share:.0f} % of its wrong or missing pixels, and other methods have far fewer there. The "
+            "typical scene has no such pair, so verdicts do not count them; compare the means too, and evaluate more "
+            "scenes."
             for each in find_rare_failures(table)]

@@ -16,6 +16,7 @@ from ...files import escape_cell, write_atomically, write_json
 from ...settings.shared_settings import find_shared, without_shared
 from ..datasets.predictions import options_of
 from ..environment import packages
+from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN
 from ..matchers.methods import Method
 from ..measure import common_pixels
 from ..measure.metrics import ERROR_STEPS_M, SHARES
@@ -28,12 +29,12 @@ from .notes import BAKED, NOISE, SEARCH, Notes
 from .ranking import rank_methods
 from .rare_failures import describe_rare_failures
 from .row_log import LazyRows, Row, RowLog
-from .summary import Table, compare_methods, summarise_method
+from .summary import COMPARED_KEYS, Table, compare_methods, summarise_method
 from .sweep_charts import write_curves
-from .verdict_text import describe_verdicts
+from .verdict_text import describe_typical, describe_verdicts
 
 FORMAT = "icymoon-report"
-VERSION = 3
+VERSION = 4
 #: Entries of rows that only ``results.jsonl`` contains: the summary has their sums, or only a later run needs them.
 _LONG = ("strata", "sparsification", "histograms", "common")
 
@@ -61,10 +62,10 @@ _MANY = ("rows", "pairs")
 def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], out: Path,
                   failed: list[dict[str, Any]], suspect: list[dict[str, Any]], source: Mapping[str, Any],
                   seed: int, guiss: bool, faults: Sequence[str] = ()) -> dict[str, Any]:
-    """Write ``results.csv``, ``report.json``, ``summary.json`` and ``report.html`` of the pairs ``names``; return the
-    report. ``faults`` are sentences about plug-ins that were left out. ``summary.json`` is the report without its rows
-    and pairs, but with ``shown``: the rows of the pairs whose pictures are in the HTML report. ``curves`` are pictures
-    of the error by the setting that varies."""
+    """Write ``results.csv``, ``comparisons.csv``, ``report.json``, ``summary.json`` and ``report.html`` of the pairs
+    ``names``; return the report. ``faults`` are sentences about plug-ins that were left out. ``summary.json`` is the
+    report without its rows and pairs, but with ``shown``: the rows of the pairs whose pictures are in the HTML report.
+    ``curves`` are pictures of the error by the setting that varies."""
     labels = [method.label for method in methods]
     rows = LazyRows(len(names) * len(labels),
                     lambda k: _short_row(log.read(names[k // len(labels)], labels[k % len(labels)])))
@@ -87,13 +88,14 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
             table.add(k, row)
             if row["facts"] and row["facts"] not in ran_on[label]:
                 ran_on[label].append(row["facts"])
-    comparisons, ranks = compare_methods(table, seed)
+    comparisons, ranks = compare_methods(table, seed, with_means=True)
     summary = [summarise_method(table, k) | {"ranks": own} for k, own in enumerate(ranks)]
     sweeps = join_by_scene(swept_settings(facts, places), facts, places)
     verdicts = describe_verdicts(comparisons, table)
     report = {"format": FORMAT, "version": VERSION,
               "summary": summary, "curves": write_curves(summary, table, sweeps, out),
               "comparisons": comparisons, "verdicts": verdicts,
+              "typical_differences": describe_typical(comparisons),
               "rare_failures": [each for each in describe_rare_failures(table) if each in verdicts],
               "rows": rows, "pairs": facts, "failed": failed,
               "suspect": suspect, "notes": [note.sentence for note in notes.found()],
@@ -102,6 +104,7 @@ def write_results(log: RowLog, names: Sequence[str], methods: Sequence[Method], 
               "plug_ins": metrics,
               "provenance": _provenance(methods, ran_on, source, seed)}
     write_atomically(out / "results.csv", lambda part: _write_csv(part, rows, [m["name"] for m in metrics]))
+    write_atomically(out / "comparisons.csv", lambda part: _write_comparisons(part, comparisons))
     write_atomically(out / "report.json", lambda part: _write_report_json(part, report, facts))
     chosen = choose_pairs(table, usable)
     shown = [rows[places[name] * len(labels) + k] for name in chosen for k in range(len(labels))]
@@ -148,6 +151,15 @@ def _write_csv(part: Path, rows: Iterable[Row], metrics: Sequence[str]) -> None:
                          for row in rows)
 
 
+def _write_comparisons(part: Path, comparisons: Sequence[Mapping[str, Any]]) -> None:
+    """Write the comparisons of every two methods as CSV with a header line; undefined numbers are empty."""
+    with part.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, COMPARED_KEYS, extrasaction="raise", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows({**entry, **{key: escape_cell(entry[key] or "") for key in ("a", "b", "better")}}
+                         for entry in comparisons)
+
+
 def _write_report_json(part: Path, report: Mapping[str, Any], facts: Sequence[Mapping[str, Any]]) -> None:
     """Write the report as JSON, row by row. Raises ValueError for NaN, which JSON does not have.
 
@@ -186,8 +198,10 @@ def _provenance(methods: Sequence[Method], facts: Mapping[str, list[Any]], sourc
             "versions": packages.find_versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
             "sparsification_shares": list(SHARES),
             "averages": "mean over pairs, each pair with equal weight; pooled_* over the pixels of all pairs",
-            "intervals": "95 %, Student's t over scenes",
-            "verdicts": f"step-down max-T, sign flips of scenes, 5 % for all comparisons by a metric, seed {seed}",
+            "intervals": f"95 %, over scenes: of shares from 2 scenes on, of other means from {FEWEST_FOR_MEAN} scenes "
+                         f"on, approximate below {FEWEST_EXACT}",
+            "verdicts": "typical scene (pseudomedian), signed ranks, random signs of scenes, 5 % for all "
+                        f"comparisons by a metric, seed {seed}",
             "pixels": REGIONS | {f"common_{prefix}": f"pixels that both compared methods measured, {which}"
                                  for prefix, which in common_pixels.REGIONS.items()},
             "seconds": "CPU seconds of matching, one thread"}

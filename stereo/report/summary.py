@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from ..inference.scene_means import intervals, scene_means, simultaneous_intervals
+from ..inference.typical_scene import compare, pairs_of, ranks, subtract
 from ..measure import by_pixel_class, common_pixels, disparity_histograms
 from ..measure.metrics import BAD, ERROR_STEPS_M, L1_RATES, QUANTILES, SHARES
 from ..measure.result_row import NUMBERS, REGION_METRICS
-from .comparisons import compare, pairs_of, ranks
-from .scene_intervals import intervals, scene_means, within_range
 
 #: Metrics that are means over pixels, so that the pixels of all pairs can be pooled. The scale-invariant and order
 #: metrics compare pixels of one image, and cannot.
@@ -24,8 +24,8 @@ class Compared:
     """A metric by which methods are compared.
 
     ``key`` is that of the comparison; one that starts with ``common_`` is over the pixels that both methods measured.
-    A ``ratio`` compares sizes: the logarithm of the ratio is averaged over scenes, which makes few scenes tell more and
-    hard scenes weigh no more than easy ones. Otherwise the difference is averaged.
+    A ``ratio`` compares sizes by the logarithm of their ratio in each scene, which makes few scenes tell more and hard
+    scenes weigh no more than easy ones. Otherwise it is the difference in each scene.
     """
 
     key: str
@@ -43,6 +43,9 @@ COMPARED = (
     Compared("seconds", ratio=True))
 #: An error or time below this is compared as if it were as large: 1 µm, 1 µpx or 1 µs, so that 0 has a logarithm.
 _LEAST = 1e-6
+#: The keys of a comparison, see ``compare_methods``.
+COMPARED_KEYS = ("a", "b", "metric", "kind", "pairs", "scenes", "typical", "typical_low", "typical_high", "better", "p",
+                 "detectable", "scenes_needed", "value", "low", "high")
 _PLACE = {key: place for place, key in enumerate(NUMBERS)}
 #: Numbers that are counts of pixels.
 _COUNTS = tuple(f"{prefix}n" for prefix, keys in REGION_METRICS.items() if "n" in keys)
@@ -123,12 +126,12 @@ def summarise_method(table: Table, method: int) -> dict[str, Any]:
     """Summarise one method over all pairs that count.
 
     Every metric is the mean over the pairs where it is defined, each with equal weight, as in the tables of the GUISS
-    paper; ``n`` is the sum. ``intervals`` are the 95 % bounds of each mean (see ``scene_intervals``), ``scenes`` is
-    the number of scenes behind them. ``pooled_*`` are means over the pixels of all pairs. ``pairs`` is the number of
-    pairs that count; ``failed`` and ``suspect`` count the others. ``strata`` contains, per factor, the ``classes`` and,
-    per class, the ``by_pixel_class.SUMS`` over the pixels of all pairs, ``histograms`` those of
-    ``disparity_histograms``. A quantile over all true pixels is infinite in a pair with too few measured ones; its mean
-    is then null.
+    paper; ``n`` is the sum. ``intervals`` are the 95 % bounds of the means that have scenes enough for it (see
+    ``scene_means``), ``scenes`` is the number of scenes behind them. ``pooled_*`` are means over the pixels of all
+    pairs. ``pairs`` is the number of pairs that count; ``failed`` and ``suspect`` count the others. ``strata``
+    contains, per factor, the ``classes`` and, per class, the ``by_pixel_class.SUMS`` over the pixels of all pairs,
+    ``histograms`` those of ``disparity_histograms``. A quantile over all true pixels is infinite in a pair with too few
+    measured ones; its mean is then null.
     """
     values = table.values[method]
     counted = table.counts[method]
@@ -141,8 +144,7 @@ def summarise_method(table: Table, method: int) -> dict[str, Any]:
     result |= {key: int(np.nansum(table.column(method, key))) for key in _COUNTS}
     with_truth = counted & (table.column(method, "true_pixels") > 0)
     result |= {key: None for key in _TOTAL_QUANTILES if np.isnan(table.column(method, key)[with_truth]).any()}
-    bounds = within_range(intervals(columns[counted], table.scenes[counted]), (columns < 0).any(axis=0),
-                          np.array([key.endswith(_SHARE_NAMES) for key in _AVERAGED]))
+    bounds = intervals(columns[counted], table.scenes[counted], np.array([is_share(key) for key in _AVERAGED]))
     result["intervals"] = {key: [float(low), float(high)] for key, (low, high) in zip(_AVERAGED, bounds, strict=True)
                            if np.isfinite(low) and result[key] is not None}
     weights = table.column(method, "n")
@@ -161,13 +163,21 @@ def summarise_method(table: Table, method: int) -> dict[str, Any]:
     return result
 
 
-def compare_methods(table: Table, seed: int) -> tuple[list[dict[str, Any]], list[dict[str, tuple[int, int]]]]:
-    """Compare every two methods by each of COMPARED; also the ``comparisons.ranks`` of each method by metric.
+def is_share(key: str) -> bool:
+    """Whether a number is a share, from 0 to 1."""
+    return key.endswith(_SHARE_NAMES)
 
-    Each comparison has ``a``, ``b``, ``metric``, ``kind`` ("ratio" or "difference"), and ``value``: the mean over
-    scenes of a / b or a - b, with 95 % bounds ``low`` and ``high``, the adjusted ``p`` and the ``detectable`` ratio or
-    difference, see ``comparisons.Family``. ``better`` is the method that is better, null without a verdict. ``pairs``
-    and ``scenes`` is where both are defined. What makes a scene easy or hard for both methods cancels.
+
+def compare_methods(table: Table, seed: int, with_means: bool = False
+                    ) -> tuple[list[dict[str, Any]], list[dict[str, tuple[int, int]]]]:
+    """Compare every two methods by each of COMPARED; also the ``typical_scene.ranks`` of each method by metric.
+
+    Each comparison has ``a``, ``b``, ``metric``, ``kind`` ("ratio" or "difference"), and ``typical``: a / b or a - b in
+    the typical scene, with simultaneous 95 % bounds ``typical_low`` and ``typical_high``, the adjusted ``p`` and the
+    ``detectable`` ratio or difference, see ``typical_scene.Family``. ``better`` is the method that is better in the
+    typical scene, null without a verdict, which takes ``scenes_needed`` scenes. ``value`` is the mean over scenes; its
+    bounds ``low`` and ``high`` are null unless ``with_means``, and with few scenes. ``pairs`` and ``scenes`` is where
+    both methods are defined. What makes a scene easy or hard for both methods cancels.
 
     Methods that measured nothing are not compared. There are ranks only if there are scenes enough for a verdict.
     """
@@ -177,19 +187,21 @@ def compare_methods(table: Table, seed: int) -> tuple[list[dict[str, Any]], list
     placed: list[dict[str, tuple[int, int]]] = [{} for _ in table.methods]
     for metric in COMPARED if chosen else ():
         columns, pairs = zip(*(_scene_differences(table, a, b, metric) for a, b in chosen), strict=True)
-        family = compare(np.stack(columns, axis=1), seed)
+        differences = np.stack(columns, axis=1)
+        family, means = compare(differences, seed), _means(differences)
+        bounds = simultaneous_intervals(differences, seed) if with_means else np.full((len(chosen), 2), np.nan)
         better = np.zeros((len(table.methods), len(table.methods)), bool)
         for k, (a, b) in enumerate(chosen):
-            sign = 1 if (family.mean[k] > 0) == metric.more_is_better else -1
+            sign = 1 if (family.typical[k] > 0) == metric.more_is_better else -1
             better[a, b], better[b, a] = family.found[k] and sign > 0, family.found[k] and sign < 0
             turn = np.exp if metric.ratio else float
             found.append({
                 "a": table.methods[a], "b": table.methods[b], "metric": metric.key,
                 "kind": "ratio" if metric.ratio else "difference", "pairs": pairs[k], "scenes": int(family.scenes[k]),
                 **{key: _number(turn(values[k])) for key, values in (
-                    ("value", family.mean), ("low", family.low), ("high", family.high),
-                    ("detectable", family.detectable))},
-                "p": _number(family.p[k]),
+                    ("value", means), ("low", bounds[:, 0]), ("high", bounds[:, 1]), ("typical", family.typical),
+                    ("typical_low", family.low), ("typical_high", family.high), ("detectable", family.detectable))},
+                "p": _number(family.p[k]), "scenes_needed": family.needed,
                 "better": table.methods[a if better[a, b] else b] if family.found[k] else None})
         if np.isfinite(family.p).any():
             for k, place in zip(methods, ranks(better[np.ix_(methods, methods)]), strict=True):
@@ -209,8 +221,8 @@ def _scene_differences(table: Table, a: int, b: int, metric: Compared) -> tuple[
     both[np.isnan(both).any(axis=1) | ~(table.counts[a] & table.counts[b])] = np.nan
     means = scene_means(both, table.scenes)
     if metric.ratio:
-        means = np.log(np.maximum(means, _LEAST))
-    return means[:, 0] - means[:, 1], int((~np.isnan(both[:, 0])).sum())
+        means = np.maximum(means, _LEAST)
+    return subtract(means[:, 0], means[:, 1], metric.ratio), int((~np.isnan(both[:, 0])).sum())
 
 
 def _means(columns: np.ndarray) -> np.ndarray:
@@ -222,7 +234,7 @@ def _means(columns: np.ndarray) -> np.ndarray:
 
 def _mean_with_interval(numbers: np.ndarray, scenes: np.ndarray) -> dict[str, Any]:
     """The ``mean`` of the numbers of pairs that are not NaN, its 95 % ``interval`` or None, and how many ``pairs``."""
-    low, high = intervals(numbers[:, None], scenes)[0]
+    low, high = intervals(numbers[:, None], scenes, np.array([False]))[0]
     return {"mean": _number(_means(numbers[:, None])[0]), "pairs": int((~np.isnan(numbers)).sum()),
             "interval": [float(low), float(high)] if np.isfinite(low) else None}
 

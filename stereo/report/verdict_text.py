@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from .comparisons import FEWEST_SCENES
+from ..inference.typical_scene import scenes_for_methods
+from ..matchers.methods import describe_method
 from .rare_failures import describe_rare_failures
 from .summary import Table
+from .table_columns import RANKING
 
 #: Metrics whose detectable difference is told, and their names in a sentence.
 _TOLD = (("common_epe_px", "EPE"), ("total_bad_1", "pixels off by more than 1 px or missing"))
@@ -21,13 +23,11 @@ def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: Table) ->
     scenes = table.scene_count()
     if not comparisons or not scenes:
         return ""
-    if scenes == 1:
-        return f"One scene: no intervals and no verdicts. Verdicts need {FEWEST_SCENES} scenes."
+    methods = len({entry[side] for entry in comparisons for side in "ab"})
     tested = [entry for entry in comparisons if entry["p"] is not None]
     if not tested:
-        return (f"{scenes} scenes: no verdicts, which need {FEWEST_SCENES}. Intervals are Student's t, 95 %, each for "
-                "itself.")
-    methods = len({entry[side] for entry in tested for side in "ab"})
+        few = "One scene: no intervals and no verdicts." if scenes == 1 else f"{scenes} scenes: no verdicts."
+        return f"{few} A verdict on {methods} methods takes {max(scenes_for_methods(methods), scenes + 1)} scenes."
     count = methods * (methods - 1) // 2
     together = f", over all {count} comparisons by a metric" if count > 1 else ""
     sizes = {name: np.median([entry["detectable"] for entry in tested if entry["metric"] == metric] or [np.nan])
@@ -35,8 +35,26 @@ def describe_verdicts(comparisons: Sequence[Mapping[str, Any]], table: Table) ->
     told = [_size(name, float(size)) for name, size in sizes.items() if np.isfinite(size)]
     power = f" 8 of 10 such data sets would show {' or '.join(told)}." if told else ""
     rare = "".join(f" {sentence}" for sentence in (*describe_rare_failures(table), _describe_unseen(scenes)))
-    return (f"{scenes} scenes, {methods} methods: at most 5 % of data sets without a difference show one{together}."
-            f"{power}{rare}")
+    return (f"{scenes} scenes, {methods} methods: a verdict is on the typical scene, not on the mean. About 5 % of "
+            f"data sets without a difference show one{together}.{power}{rare}")
+
+
+def describe_typical(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
+    """A sentence for each two methods on how they differ in the typical scene by ``RANKING``, with the interval; those
+    that differ come first. None where no scenes allow an interval."""
+    entries = [entry for entry in comparisons if entry["metric"] == RANKING and entry["p"] is not None
+               and entry["typical_low"] is not None and entry["typical_high"] is not None]
+    return [_differs(entry) for entry in sorted(entries, key=lambda entry: entry["p"])]
+
+
+def _differs(entry: Mapping[str, Any]) -> str:
+    middle, low, high = (100 * entry[key] for key in ("typical", "typical_low", "typical_high"))
+    one, other = (describe_method(entry[side]) for side in "ab")
+    if middle < 0:
+        one, other, middle, low, high = other, one, -middle, -high, -low
+    unsure = "" if entry["better"] else ", so either may be better"
+    return (f"In the typical scene {one} has {middle:.1f} points more wrong or missing pixels than {other} "
+            f"({low:.1f} to {high:.1f}{unsure}).")
 
 
 def _describe_unseen(scenes: int) -> str:

@@ -112,6 +112,18 @@ def test_matchers_that_fail_rarely_stand_whole_below_the_ranks(scene, tmp_path):
     assert sentence in " ".join(labels[first:])  # in lines that the sidebar shows
 
 
+def test_typical_differences_are_shown_and_an_older_report_has_none(scene, tmp_path):
+    evaluated(scene, tmp_path)
+    assert results.typical_differences(scene) == ()
+    sentence = ("In the typical scene StereoBM has 8.4 points more wrong or missing pixels than SGBM (2.2 to 20.3).")
+    path = tmp_path / "evaluation_scene" / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"typical_differences": [sentence]}))
+    results.keep_results(scene, "SCENE", scene_properties.read_settings(scene.icymoon), [PAIR])
+    assert results.typical_differences(scene) == (sentence,)
+    labels = [entry[2]["text"] for entry in drawn(sidebar.ICYMOON_PT_results) if entry[0] == "label"]
+    assert sentence in " ".join(labels)
+
+
 def test_each_scene_has_its_own_and_a_copy_those_of_its_settings(scene, tmp_path):
     evaluated(scene, tmp_path)
     other = bpy.data.scenes.new("Other")
@@ -223,12 +235,14 @@ def test_what_a_file_says_is_text_and_leads_nowhere(scene, tmp_path):
     scene.icymoon.dataset.folder = str(tmp_path)
     scene.icymoon.results = json.dumps({"made": evil, "scope": evil, "pairs": [evil], "folder": evil, "settings": {
         "light": {"sun_elevation_deg": evil}}, "notes": [evil] * 9, "briefs": [evil] * 9, "rare_failures": [evil] * 9,
+        "typical_differences": [evil] * 9,
         "summary": [{"method": evil, **dict.fromkeys(results.METRICS, 0.5)}]})
     assert all(len(line) < 200 and line.isprintable() for line in results.notes(scene))
     assert len(results.summary(scene)[0]["method"]) <= 40
     assert len(results.limits(scene)) == 2
     assert all(len(line) <= 400 and line.isprintable()
-               for line in (*results.limits(scene), *results.limits_in_brief(scene), *results.rare_failures(scene)))
+               for line in (*results.limits(scene), *results.limits_in_brief(scene), *results.rare_failures(scene),
+                            *results.typical_differences(scene)))
     with pytest.raises(IcyMoonError, match="no report"):
         results.report_folder(scene)
 

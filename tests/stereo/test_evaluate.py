@@ -69,6 +69,11 @@ def test_everything_is_evaluated_and_written(result):
     with (out / "results.csv").open(newline="") as stream:
         table = list(csv.DictReader(stream))
     assert [float(line["l1_m"]) for line in table] == [row["l1_m"] for row in report["rows"]]
+    with (out / "comparisons.csv").open(newline="") as stream:
+        table = list(csv.DictReader(stream))
+    assert [line["typical"] for line in table] == ["" if entry["typical"] is None else str(entry["typical"])
+                                                   for entry in report["comparisons"]]
+    assert {line["scenes_needed"] for line in table} == {"8"}  # of three methods
     for entry in (*report["rows"], *report["pairs"]):
         assert all((out / path).stat().st_size > 0 for path in entry["images"].values())
     assert not list(out.rglob("*.part"))

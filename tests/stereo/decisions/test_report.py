@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from icymoon.stereo.decisions.report import COLUMNS, find_notes, head_sentences, summarise
-from icymoon.stereo.report.scene_intervals import wilson_interval
+from icymoon.stereo.decisions.report import COLUMNS, compare_methods, find_notes, head_sentences, summarise
 
 SHARES = {column.key for column in COLUMNS if column.unit == "%"} | {"sites.average_precision", "sites.roc_area"}
 
@@ -29,22 +28,43 @@ def test_no_interval_leaves_the_range_of_its_number():
         assert low <= entry[key] <= high
         assert key == "dem.bias_m" or low >= 0
         assert key not in SHARES or high <= 1
-    assert entry["intervals"]["dem.bias_m"][0] < 0
+    assert entry["intervals"]["dem.bias_m"] == [None, None]  # a mean that is no share needs more scenes
     assert entry["intervals"]["sites.false_safe"][1] > 0.4
+    many = summary(*((0.1, 0.5, 0.0, 0.001 * (k % 5 - 2)) for k in range(20)))
+    assert many["intervals"]["dem.bias_m"][0] < 0 < many["intervals"]["dem.bias_m"][1]
+    assert many["intervals"]["dem.rmse_m"][0] > 0
 
 
 def test_choices_of_one_kind_in_all_scenes_are_no_certainty():
     entry = summary(*[(0.1, 0.5, 0.0, 0.01)] * 8)
-    assert entry["intervals"]["sites.unsafe_choice"] == pytest.approx(wilson_interval(0.0, 8))
-    assert entry["intervals"]["sites.unsafe_choice"][1] == pytest.approx(0.324, abs=1e-3)
+    low, high = entry["intervals"]["sites.unsafe_choice"]
+    assert low == 0
+    assert (1 - high) ** 8 == pytest.approx(0.025, abs=0.004)  # if so many were unsafe, all of 8 rarely would be safe
     assert summary((0.1, 0.5, 0.0, 0.01))["intervals"]["sites.unsafe_choice"] == [None, None]
 
 
 def test_no_unsafe_site_in_any_scene_is_no_certainty():
     entry = summary(*[(0.0, 0.5, 0.0, 0.01)] * 5)
-    assert entry["intervals"]["sites.false_safe"] == pytest.approx(wilson_interval(0.0, 5))
+    assert (1 - entry["intervals"]["sites.false_safe"][1]) ** 5 == pytest.approx(0.025, abs=0.004)
     one = summary(*[(0.0, 0.5, 0.0, 0.01)] * 4, (0.01, 0.5, 0.0, 0.01))
-    assert one["intervals"]["sites.false_safe"][1] < 0.01  # by Student's t again
+    assert one["intervals"]["sites.false_safe"][1] > entry["intervals"]["sites.false_safe"][1]
+
+
+@pytest.mark.parametrize(("scenes", "found"), [(5, 0), (6, 1)])
+def test_matchers_are_compared_in_the_typical_scene(scenes, found):
+    rows = [{"pair": str(k), "method": method, "status": "ok", "numbers": {
+        "dem": {"rmse_m": (0.01 + 1e-4 * k) * factor, "completeness": 1.0},
+        "sites": {"false_safe": 0.1, "cells": [9, 9, 0, 0]}}}
+        for k in range(scenes) for method, factor in (("true depth", 0.1), ("bm", 1.0), ("sgbm", 3.0))]
+    facts = [{"pair": str(k), "scene": str(k), "exact": True, "arm": {"kind": "PARAMETRIC"}} for k in range(scenes)]
+    entries = compare_methods(rows, facts, ["true depth", "bm", "sgbm"], 0)
+    assert len(entries) == found
+    for entry in entries:
+        assert (entry["metric"], entry["better"], entry["worse"], entry["scenes"]) == ("dem.rmse_m", "bm", "sgbm", 6)
+        assert entry["typical"] == pytest.approx(2 * 0.01025)
+        assert entry["typical_interval"] == pytest.approx([0.02, 0.021])
+    told = " ".join(find_notes(rows, facts))
+    assert ("no difference between 2 matchers can be shown; it takes 6." in told) == (not found)
 
 
 def test_where_no_image_shows_ground_in_reach_nothing_is_told_of_sites():

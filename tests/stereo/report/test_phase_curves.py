@@ -41,7 +41,7 @@ def test_each_law_is_drawn_once_and_that_of_rocks_with_their_own_surface_too():
 
 
 def test_the_report_has_the_plot_only_where_there_is_a_law():
-    near, whole = draw_charts([], None, {"Lambert": np.ones_like(PHASE_DEG)})["phase"]
+    near, whole = draw_charts([], None, {"Lambert": np.ones_like(PHASE_DEG)}, [])["phase"]
     assert near.startswith("<svg")
     assert "Lambert" in whole
-    assert not any(draw_charts([], None, {}).values())
+    assert not any(draw_charts([], None, {}, []).values())

@@ -1,11 +1,13 @@
 """Comparisons of methods from the numbers of their rows: pixels, scenes, ranks and what they allow to be said."""
 
+import re
+
 import numpy as np
 import pytest
 from icymoon.stereo.measure import common_pixels
 from icymoon.stereo.measure.result_row import NUMBERS
-from icymoon.stereo.report.summary import Table, compare_methods, summarise_method
-from icymoon.stereo.report.verdict_text import describe_verdicts
+from icymoon.stereo.report.summary import COMPARED_KEYS, Table, compare_methods, summarise_method
+from icymoon.stereo.report.verdict_text import describe_typical, describe_verdicts
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -35,11 +37,13 @@ def by_metric(found, metric):
 def test_errors_are_compared_by_their_ratio_and_rates_by_their_difference():
     found, ranks = compare_methods(table_of(8, [1.0, 1.5]), 0)
     epe, wrong = by_metric(found, "common_epe_px")["m0", "m1"], by_metric(found, "total_bad_1")["m0", "m1"]
+    assert epe["typical"] == pytest.approx(1 / 1.5, rel=0.1)
+    assert epe["typical_low"] < epe["typical"] < epe["typical_high"] < 1
     assert epe["value"] == pytest.approx(1 / 1.5, rel=0.1)
-    assert epe["low"] < epe["value"] < epe["high"] < 1
+    assert (epe["low"], epe["high"], epe["scenes_needed"]) == (None, None, 6)  # of the mean, which needs more scenes
     assert (epe["kind"], epe["better"], epe["scenes"], epe["pairs"]) == ("ratio", "m0", 8, 16)
     assert wrong["kind"] == "difference"
-    assert wrong["value"] < 0
+    assert wrong["typical"] < 0
     assert ranks[0]["common_epe_px"] == (1, 1)
     assert ranks[1]["common_epe_px"] == (2, 2)
 
@@ -62,18 +66,20 @@ def test_a_method_without_a_result_stays_outside():
     assert fewer[1] == {}
     assert fewer[2]["common_epe_px"] == (2, 2)
     assert ranks[2]["common_epe_px"] == (3, 3)
-    assert by_metric(without, "common_epe_px")["m0", "m2"]["value"] == pytest.approx(
-        by_metric(found, "common_epe_px")["m0", "m2"]["value"])
+    assert by_metric(without, "common_epe_px")["m0", "m2"]["typical"] == pytest.approx(
+        by_metric(found, "common_epe_px")["m0", "m2"]["typical"])
 
 
 def test_an_error_of_zero_is_no_failure():
     table = table_of(7, [0.0, 1.0])
     entry = by_metric(compare_methods(table, 0)[0], "common_epe_px")["m0", "m1"]
-    assert 0 < entry["value"] < 1e-4
+    assert 0 < entry["typical"] < 1e-4
     assert entry["better"] == "m0"
 
 
-@pytest.mark.parametrize(("scenes", "words"), [(1, "One scene"), (4, "no verdicts"), (8, "at most 5 %")])
+@pytest.mark.parametrize(("scenes", "words"), [
+    (1, "One scene: no intervals and no verdicts. A verdict on 3 methods takes 8 scenes."),
+    (7, "7 scenes: no verdicts. A verdict on 3 methods takes 8 scenes."), (8, "About 5 %")])
 def test_what_scenes_allow_is_said(scenes, words):
     table = table_of(scenes, [1.0, 1.3, 1.6])
     found, ranks = compare_methods(table, 0)
@@ -82,8 +88,35 @@ def test_what_scenes_allow_is_said(scenes, words):
     assert ("EPE" in text) == (scenes == 8)
     assert ("total_bad_1" in ranks[0]) == (scenes == 8)
     entry = by_metric(found, "common_epe_px")["m0", "m2"]
-    assert (entry["low"] is None) == (scenes == 1)
-    assert (entry["better"] is None) == (scenes < 6)
+    assert (entry["typical_low"] is None) == (scenes < 8)
+    assert (entry["better"] is None) == (scenes < 8)
+    assert entry["scenes_needed"] == 8
+
+
+def test_methods_that_differ_by_rounding_have_no_verdict():
+    table = table_of(12, [1.0, 1.0])
+    place = common_pixels.NUMBERS.index("epe_px")
+    table.common[1, :, :, place] = table.common[0, :, :, place] * (1 + 1e-14)
+    table.values[1] = table.values[0] * (1 + 1e-14)
+    found, _ = compare_methods(table, 0)
+    assert not [entry for entry in found if entry["better"]]
+    assert by_metric(found, "common_epe_px")["m0", "m1"]["typical"] == 1.0
+
+
+def test_means_have_intervals_where_scenes_are_many():
+    entry = by_metric(compare_methods(table_of(24, [1.0, 1.5]), 0, with_means=True)[0], "total_bad_1")["m0", "m1"]
+    assert entry["low"] < entry["value"] < entry["high"] < 0
+    assert set(entry) == set(COMPARED_KEYS)
+
+
+def test_the_typical_difference_is_said_from_the_worse_method():
+    found, _ = compare_methods(table_of(8, [1.0, 1.5]), 0)
+    sentence, = describe_typical(found)
+    assert re.fullmatch(r"In the typical scene m1 has \d\.\d points more wrong or missing pixels than m0 "
+                        r"\(0\.\d to \d\.\d\)\.", sentence)
+    assert describe_typical(compare_methods(table_of(5, [1.0, 1.5]), 0)[0]) == []
+    equal, = describe_typical(compare_methods(table_of(8, [1.0, 1.0]), 0)[0])
+    assert "so either may be better" in equal
 
 
 def test_one_method_is_compared_with_none():
@@ -97,5 +130,6 @@ def test_the_interval_of_a_share_stays_within_none_and_all():
     table.values[0, :, NUMBERS.index("coverage")] = np.repeat([0.99, 0.6, 0.99], 2)
     table.values[0, :, NUMBERS.index("total_bad_1")] = np.repeat([0.01, 0.4, 0.01], 2)
     found = summarise_method(table, 0)["intervals"]
-    assert found["coverage"][1] == 1
-    assert found["total_bad_1"][0] == 0
+    assert 0.1 < found["coverage"][0] < 0.86 < found["coverage"][1] <= 1
+    assert 0 <= found["total_bad_1"][0] < 0.14 < found["total_bad_1"][1] < 0.9
+    assert "epe_px" not in found  # a mean that is no share, of three scenes

@@ -1,0 +1,169 @@
+"""Means over scenes, and intervals of them that cover.
+
+Pairs of one scene share its ground, so they are not independent, and pixels even less; scenes are. A mean over pairs is
+a ratio of sums over scenes (Cochran 1977, section 6.3), so scenes may have different numbers of pairs. NaN is
+undefined.
+
+* **Shares** are bounded, so their intervals hold for any number of scenes. Scenes get random weights, uniform among all
+  that sum to 1, as in the Bayesian bootstrap (Rubin 1981), and one scene more is added, which is all 0 for the lower
+  bound and all 1 for the upper one. Where each scene is 0 or 1, these are the bounds of Clopper and Pearson (1934).
+* **Other means** can be held up by a few large values that the scenes do not contain, so there is an interval only from
+  ``FEWEST_FOR_MEAN`` scenes on, by the bootstrap-t (Efron and Tibshirani 1993), and below ``FEWEST_EXACT`` it is
+  approximate. Means of what is never negative have it for their logarithm.
+
+An interval does not hold for scenes of another kind.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from ...physics.random_numbers.seeds import generator
+
+LEVEL = 0.95
+#: Fewer scenes tell no interval of a mean that is no share; from the second number on it covers as it says.
+FEWEST_FOR_MEAN, FEWEST_EXACT = 20, 50
+#: Random weights of scenes for shares, resamples of scenes for other means, and most elements of either; the least.
+_WEIGHTS, _RESAMPLES, _MOST_ELEMENTS, _FEWEST_DRAWS = 10_000, 2000, 4_000_000, 1000
+#: Errors of a mean below this part of it are rounding.
+_ROUNDING = 1e-12
+
+
+def scene_means(values: np.ndarray, scenes: np.ndarray) -> np.ndarray:
+    """The mean (scenes, K) over the pairs of each scene, of each column of ``values`` (pairs, K); NaN is undefined.
+
+    ``scenes`` is a whole number per pair.
+    """
+    sums, counts = _sums(values, scenes)
+    return np.divide(sums, counts, out=np.full(sums.shape, np.nan), where=counts > 0)
+
+
+def intervals(values: np.ndarray, scenes: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Lower and upper 95 % bound (K, 2) of the mean over pairs of each column of ``values`` (pairs, K).
+
+    Columns where ``shares`` (K,) is true are from 0 to 1. A bound is NaN if there are too few scenes for it: fewer than
+    two, or than ``FEWEST_FOR_MEAN`` of what is no share.
+    """
+    sums, counts = _sums(values, scenes)
+    number = (counts > 0).sum(axis=0)
+    bounds = np.full((values.shape[1], 2), np.nan)
+    if (bounded := shares & (number >= 2)).any():
+        bounds[bounded] = _share_bounds(sums[:, bounded], counts[:, bounded])
+    signed = (sums < 0).any(axis=0)
+    for positive in (True, False):
+        those = ~shares & (number >= FEWEST_FOR_MEAN) & (signed != positive)
+        if those.any():
+            sample = _bootstrap_t(sums[:, those], counts[:, those], 0, positive)
+            bounds[those] = sample.bounds(_quantile(sample.t))
+    return bounds
+
+
+def simultaneous_intervals(values: np.ndarray, seed: int) -> np.ndarray:
+    """Bounds (K, 2) of the means over scenes of the columns of ``values`` (scenes, K), which all hold at once in about
+    95 % of data sets, by the largest |t| of a resample. NaN for columns with fewer than ``FEWEST_FOR_MEAN`` scenes."""
+    known = ~np.isnan(values)
+    told = known.sum(axis=0) >= FEWEST_FOR_MEAN
+    bounds = np.full((values.shape[1], 2), np.nan)
+    if told.any():
+        sample = _bootstrap_t(np.where(known, values, 0.0)[:, told], known[:, told].astype(float), seed, False)
+        bounds[told] = sample.bounds(np.full(told.sum(), _quantile(sample.t.max(axis=1, keepdims=True))[0]))
+    return bounds
+
+
+def _sums(values: np.ndarray, scenes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Sums and numbers (scenes, K) of the defined values of each scene."""
+    label, scene = np.unique(scenes, return_inverse=True)
+    defined = ~np.isnan(values)
+    sums, counts = np.zeros((len(label), values.shape[1])), np.zeros((len(label), values.shape[1]))
+    np.add.at(sums, scene, np.where(defined, values, 0.0))
+    np.add.at(counts, scene, defined)
+    return sums, counts
+
+
+def _draws(most: int, scenes: int) -> int:
+    return max(_FEWEST_DRAWS, min(most, _MOST_ELEMENTS // scenes))
+
+
+@lru_cache(maxsize=1)
+def _weights(scenes: int) -> np.ndarray:
+    """Random weights (draws, 1 + scenes), not divided by their sum; the first is of the scene that is added."""
+    return generator(0, "statistics", 1).standard_exponential((_draws(_WEIGHTS, scenes), 1 + scenes))
+
+
+@lru_cache(maxsize=1)
+def _resamples(scenes: int, seed: int) -> np.ndarray:
+    """How often each resample contains each scene (draws, scenes)."""
+    random = generator(seed, "statistics", 2)
+    return np.stack([np.bincount(random.integers(0, scenes, scenes), minlength=scenes)
+                     for _ in range(_draws(_RESAMPLES, scenes))]).astype(float)
+
+
+def _share_bounds(sums: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    weights = _weights(len(sums))
+    own, number = weights[:, 1:] @ sums, weights[:, 1:] @ counts
+    added = weights[:, :1] * counts.max(axis=0)
+    outside = (1 - LEVEL) / 2
+    return np.stack([np.quantile(own / (number + added), outside, axis=0),
+                     np.quantile((own + added) / (number + added), 1 - outside, axis=0)], axis=1)
+
+
+@dataclass(frozen=True)
+class _Bootstrap:
+    """Means (K,), their standard errors, and |t| (resamples, K), of the logarithm if ``logarithmic``."""
+
+    mean: np.ndarray
+    error: np.ndarray
+    t: np.ndarray
+    logarithmic: bool
+
+    def bounds(self, limit: np.ndarray) -> np.ndarray:
+        """The means (K, 2) that are ``limit`` (K,) standard errors apart."""
+        half = np.where(self.error > 0, limit, 0.0) * self.error
+        if not self.logarithmic:
+            return np.stack([self.mean - half, self.mean + half], axis=1)
+        with np.errstate(over="ignore"):
+            factor = np.exp(np.divide(half, self.mean, out=np.zeros_like(half), where=self.mean > 0))
+        return np.stack([self.mean / factor, self.mean * factor], axis=1)
+
+
+def _bootstrap_t(sums: np.ndarray, counts: np.ndarray, seed: int, logarithmic: bool) -> _Bootstrap:
+    """The bootstrap-t of the ratios of ``sums`` to ``counts`` (scenes, K) over scenes, on a scale where both are about
+    1, so that rounding is alike."""
+    size = np.abs(sums).max(axis=0)
+    sums = sums / np.where(size > 0, size, 1.0)
+    resamples = _resamples(len(sums), seed)
+    mean, error = _ratios(np.ones((1, len(sums))), sums, counts)
+    means, errors = _ratios(resamples, sums, counts)
+    error = np.where(error > _ROUNDING, error, 0.0)
+    if logarithmic:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            apart = np.abs(np.log(np.where(mean > 0, means / np.where(mean > 0, mean, 1.0), 1.0))) * means
+    else:
+        apart = np.abs(means - mean)
+    apart = np.where(np.isnan(apart), np.inf, apart)  # a resample of zeros, whose logarithm is infinite
+    t = np.divide(apart, errors, out=np.where(apart > _ROUNDING, np.inf, 0.0), where=errors > _ROUNDING)
+    return _Bootstrap(mean[0] * size, error[0] * size, t, logarithmic)
+
+
+def _ratios(times: np.ndarray, sums: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The ratio of sums over scenes (resamples, K), with each scene as often as ``times`` (resamples, scenes) states,
+    and its standard error."""
+    told, alike = (counts > 0).sum(axis=0), bool((counts == counts[:1]).all())
+    total, scenes = times @ sums, times.sum(axis=1, keepdims=True)
+    number = scenes * counts[0] if alike else times @ counts
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = total / number
+        mixed, squares = (total * counts[0], number * counts[0]) if alike else (times @ (sums * counts),
+                                                                               times @ counts ** 2)
+        square = times @ sums ** 2 - 2 * mean * mixed + mean ** 2 * squares
+        return mean, np.sqrt(np.maximum(square, 0.0) * told / (told - 1)) / number
+
+
+def _quantile(t: np.ndarray) -> np.ndarray:
+    """The |t| (K,) that ``LEVEL`` of the resamples (resamples, K) do not exceed; those without a value are infinite."""
+    ascending = np.sort(np.where(np.isnan(t), np.inf, t), axis=0)
+    return np.asarray(ascending[math.ceil(LEVEL * len(t)) - 1])
