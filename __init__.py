@@ -11,7 +11,6 @@ import atexit
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .errors import IcyMoonError
     from .library.evaluation import Evaluation, evaluate
     from .library.ground import export_ground
     from .library.rendered_pair import RenderedEye, RenderedPair, open_pair, open_pairs
@@ -20,9 +19,10 @@ if TYPE_CHECKING:
     from .library.sweep import Sweep, SweepPoint
     from .settings.preset_files import preset_names
     from .stereo import torch_data as torch
+    from .support.errors import IcyMoonError
 
 #: The names that programs use, and the modules that they are from.
-_NAMES = {"Evaluation": "library.evaluation", "IcyMoonError": "errors", "InProcess": "library.renderers",
+_NAMES = {"Evaluation": "library.evaluation", "IcyMoonError": "support.errors", "InProcess": "library.renderers",
           "RenderedEye": "library.rendered_pair", "RenderedPair": "library.rendered_pair", "Scene": "library.scene",
           "Sweep": "library.sweep", "SweepPoint": "library.sweep", "Worker": "library.renderers",
           "evaluate": "library.evaluation", "export_ground": "library.ground", "open_pair": "library.rendered_pair",
@@ -65,7 +65,10 @@ def __dir__() -> list[str]:
 
 def register() -> None:
     """Called by Blender when the extension is enabled."""
-    from . import compat, operators, panels, preferences, scene_properties
+    from . import operators, panels
+    from .operators import preferences
+    from .settings.blender import scene_properties
+    from .support.blender import compat
 
     scene_properties.register()
     preferences.register()
@@ -78,7 +81,9 @@ def register() -> None:
 
 def unregister() -> None:
     """Called by Blender when the extension is disabled; undoes ``register`` in reverse."""
-    from . import operators, panels, preferences, scene_properties
+    from . import operators, panels
+    from .operators import preferences
+    from .settings.blender import scene_properties
 
     atexit.unregister(unregister)
     panels.unregister()

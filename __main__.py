@@ -37,9 +37,9 @@ def no_blender() -> str:
 def main(arguments: list[str] | None = None) -> int:
     """Run the verb that the arguments begin with and return its exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    system = importlib.import_module("icymoon.system")
+    system = importlib.import_module("icymoon.support.system")
     importlib.import_module("icymoon.support.printer").open_streams()
-    importlib.import_module("icymoon.bundled_wheels").use()
+    importlib.import_module("icymoon.support.bundled_wheels").use()
     # These may be busy for minutes, and leave nothing unfinished.
     system.obey_starter(at_once=arguments[:1] in (["worker"], ["resident-worker"], ["assets"]))
     if arguments and arguments[0] in _PROGRAMS:
@@ -63,7 +63,7 @@ def _find_blender_fault() -> str:
     try:
         importlib.import_module("bpy")
     except ImportError as error:
-        return str(importlib.import_module("icymoon.system").explain_missing_library(str(error)))
+        return str(importlib.import_module("icymoon.support.system").explain_missing_library(str(error)))
     return ""
 
 
@@ -88,7 +88,7 @@ def _load_package() -> None:
 def _arguments() -> list[str]:
     inside_blender = "bpy" in sys.modules
     if inside_blender:
-        importlib.import_module("icymoon.system").raise_at_interrupt()
+        importlib.import_module("icymoon.support.system").raise_at_interrupt()
         return sys.argv[sys.argv.index("--") + 1:] if "--" in sys.argv else []
     return sys.argv[1:]
 

@@ -39,8 +39,8 @@ def planned(settings: Settings, quality: dict[str, Any], heading_deg: float) -> 
 
 def means_of(pair: PlannedPair, dataset: Path) -> dict[str, float]:
     """The mean radiance of both eyes, W/(m² sr): of all light, of the pixels of rocks and of each light group."""
-    from icymoon.labels import ROCK
     from icymoon.stereo.images.exr import read_view
+    from icymoon.support.labels import ROCK
 
     found = read_pair(pair.folder(dataset))
     views = [read_view(found.image(eye)) for eye in ("left", "right")]

@@ -30,8 +30,8 @@ METHODS = "bm,sgbm,jplv"
 
 def _angles_deg(pair: Any) -> tuple[np.ndarray, np.ndarray]:
     """Angles in degrees between shading normal and facet, and depths in metres, of the left eye's pixels of ground."""
-    from icymoon.labels import NORMAL_AOV, TERRAIN, TRUTH
     from icymoon.stereo.images.exr import read_truth
+    from icymoon.support.labels import NORMAL_AOV, TERRAIN, TRUTH
 
     truth = read_truth(pair.truth("left"), "left")
     shading = read_truth(pair.truth("left"), "left", without=[f"{TRUTH}.{NORMAL_AOV}"]).normal

@@ -21,12 +21,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.datasets.visibility import find_better_reading, find_fault_of_right
 from icymoon.stereo.images.image_values import to_grey
 from icymoon.stereo.measure.fit_check import KINDS, find_fault, find_misfit, find_places
 from icymoon.stereo.measure.prepare import Loaded, Prepared, load
 from icymoon.stereo.sources import RenderedPair, find_sources
+from icymoon.support.errors import IcyMoonError
 
 SCENES = ("europa_rough_ice", "enceladus_fresh_snow", "europa_chaos", "europa_penitentes", "europa_ridged_plain",
           "enceladus_suncups", "europa_brash_ice", "enceladus_block_field")

@@ -20,10 +20,10 @@ from typing import Any
 
 import bpy
 import numpy as np
-from icymoon import compat
 from icymoon.nodes.surface.ice_material import WHITE, add_bump
 from icymoon.nodes.surface.patches_and_grain import add_grain
 from icymoon.nodes.tree.builder import Tree
+from icymoon.support.blender import compat
 from mathutils import Vector
 
 #: Settings that the table is measured at.

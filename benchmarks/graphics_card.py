@@ -37,10 +37,8 @@ from typing import Any
 
 import numpy as np
 from guiss_cost import snow
-from icymoon.errors import IcyMoonError
 from icymoon.formats.exr_parts import read_pieces
 from icymoon.formats.exr_pixels import Pixels
-from icymoon.labels import IMAGE_PASS, TRUTH
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.workers.cards import BACKENDS, ENVIRONMENT
 from icymoon.settings import description, preset_files
@@ -48,7 +46,9 @@ from icymoon.settings.topics.declaration import Parts
 from icymoon.settings.topics.rendering import QualitySettings
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.trade.measure_variants import scaled_view
-from icymoon.system import count_processors
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.labels import IMAGE_PASS, TRUTH
+from icymoon.support.system import count_processors
 
 PROCESSOR = "processor"
 #: Headings of the snow, of the baked scene and of the one with many samples; samples of the latter.

@@ -22,7 +22,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from icymoon.files import json_text
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.physics.excavation.jitter import jittered_rig
 from icymoon.physics.light.directions import camera_axes
@@ -32,6 +31,7 @@ from icymoon.render.plans.order import ordered
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.workers.job import Job, read_job, read_planned_pairs
+from icymoon.support.files import json_text
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"))
 

@@ -186,8 +186,8 @@ class _Apart:
     def radiance(self, scene: Any, built: Any, lights: Any, stem: Path, planned: Any) -> dict[str, Path]:
         """Stands in for what Icy Moon renders radiance with."""
         import bpy
-        from icymoon.labels import BEAUTY
         from icymoon.render import passes
+        from icymoon.support.labels import BEAUTY
         from mathutils import Matrix
 
         start = time.process_time()

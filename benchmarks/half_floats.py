@@ -28,13 +28,13 @@ from icymoon.formats import exr_pixels
 from icymoon.formats.exr_add import is_sum_of_lights
 from icymoon.formats.exr_parts import Piece, assemble, read_pieces
 from icymoon.formats.exr_pixels import Pixels, drop_passes, round_passes
-from icymoon.labels import IMAGE_PASS, rounded_passes
 from icymoon.render.pairs.pair_folder import find_pair_folders
 from icymoon.stereo.images import exr
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.metrics import usable
 from icymoon.stereo.measure.prepare import load
+from icymoon.support.labels import IMAGE_PASS, rounded_passes
 
 CODECS = ("ZIPS", "ZIP", "PIZ", "ZSTD", "HTJ2K256", "DWAA")
 

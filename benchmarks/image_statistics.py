@@ -15,13 +15,13 @@ from pathlib import Path
 
 import numpy as np
 from icymoon.commands.render_scenes import render_settings
-from icymoon.labels import ROCK, TERRAIN
 from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
 from icymoon.stereo.images.develop import develop, grey
 from icymoon.stereo.images.image_statistics import find_largest_square, measure_shares, measure_spectral_slope
 from icymoon.stereo.images.views import read_eye
+from icymoon.support.labels import ROCK, TERRAIN
 
 WIDTH_PX, LOW_SUN_DEG = 512, 8.0
 

@@ -18,10 +18,10 @@ import time
 
 import bpy
 import icymoon
-from icymoon import scene_properties
 from icymoon.nodes import scene as scenes
 from icymoon.operators import live_preview
 from icymoon.settings import preset_files
+from icymoon.settings.blender import scene_properties
 
 SIDES = live_preview.SIDES[0], live_preview.SIDES[-1]
 WARM_UP, UPDATES = 2, 12

@@ -21,9 +21,9 @@ from typing import Any
 
 import bpy
 import icymoon
-from icymoon import scene_properties
 from icymoon.operators import decisions_in_view, results
 from icymoon.panels import CLASSES
+from icymoon.settings.blender import scene_properties
 
 ROUNDS = 40
 APART_S = 0.06

@@ -24,7 +24,7 @@ from icymoon.render.cost.measure_speed import measure_speed
 from icymoon.render.plans import frozen_plan
 from icymoon.render.plans.order import ordered
 from icymoon.render.plans.plan_file import parse_plan
-from icymoon.system import count_processors
+from icymoon.support.system import count_processors
 
 _RIG = "[rig]\nwidth_px = {}\nheight_px = {}\n"
 #: Name, the plan that is extended or the presets that are included, further lines, and the size of the images.

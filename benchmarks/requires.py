@@ -26,7 +26,7 @@ import numpy as np
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.settings import description
 from icymoon.settings.topics.rendering import QualitySettings
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 RESULT = ROOT / "docs" / "make" / "requires.json"
 REPEATS = 2

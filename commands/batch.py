@@ -12,9 +12,6 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from ..errors import IcyMoonError
-from ..files import remove_leftover_parts, shorten
-from ..number_text import count_of
 from ..render.cost.abilities import check_abilities
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans import frozen_plan as datasets
@@ -28,8 +25,11 @@ from ..render.workers.runner import Runner, WorkerOptions
 from ..render.workers.slurm_scripts import SlurmRequest, write_script
 from ..render.workers.verify import Findings, verify
 from ..support import printer
-from ..system import call_ours, count_processors, kill_all, set_stop_handler, start
-from ..terminal import as_path, show_progress
+from ..support.errors import IcyMoonError
+from ..support.files import remove_leftover_parts, shorten
+from ..support.number_text import count_of
+from ..support.system import call_ours, count_processors, kill_all, set_stop_handler, start
+from ..support.terminal import as_path, show_progress
 from .renderer_options import add_blender_option, add_cards_option
 
 Say = Callable[..., None]

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import IcyMoonError
 from ..formats.cahvor import FIT_LIMIT_PX, Lens, nearest_lens, read_model
 from ..formats.ros_camera import RosCamera, read_ros_camera
 from ..physics.camera.lens_distortion import COEFFICIENTS
@@ -16,8 +15,9 @@ from ..settings.description import check, defaults
 from ..settings.table import TOPICS
 from ..settings.toml_text import to_toml
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
 from ..support.printer import say
-from ..terminal import as_path
+from ..support.terminal import as_path
 
 #: How far two eyes may be from parallel, rad, and from side by side, as a share of the baseline.
 _PARALLEL_RAD, _ASIDE = 1e-4, 1e-3

@@ -15,14 +15,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import IcyMoonError
 from ..physics.light.directions import camera_axes
 from ..render.workers.job import Job, render_job
-from ..scratch import scratch_folder
 from ..settings.description import check, defaults, merged
 from ..settings.topics.declaration import Parts
+from ..support.errors import IcyMoonError
 from ..support.printer import say
-from ..terminal import show_progress
+from ..support.scratch import scratch_folder
+from ..support.terminal import show_progress
 from .renderer_options import add_blender_option
 
 #: Level ground with patches of 8 cm that are up to a quarter darker, seen from 1.5 m by a small camera.

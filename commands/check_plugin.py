@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable, Collection, Iterator
 
-from ..errors import IcyMoonError
 from ..physics.terrain.landforms.check_plugin import check_landform
 from ..plugins.check import Check, check_package
 from ..plugins.installed import GROUPS, Found, Plugin, find
 from ..stereo.environment import packages
-from ..suggestions import nearest
+from ..support.errors import IcyMoonError
 from ..support.printer import say
+from ..support.suggestions import nearest
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

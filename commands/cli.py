@@ -11,9 +11,9 @@ from __future__ import annotations
 import argparse
 from importlib import import_module
 
-from ..system import silence_interrupts
-from ..terminal import Parser, run_verb
-from ..version import version
+from ..support.system import silence_interrupts
+from ..support.terminal import Parser, run_verb
+from ..support.version import version
 
 #: The verbs of ``python -m icymoon.stereo``, for the help of ``stereo``.
 STEREO_VERBS = ("check", "methods", "match", "metrics", "evaluate", "decide", "truth", "export", "develop")

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import IcyMoonError
 from ..plugins.landforms import landform_plugins
 from ..render.cost.abilities import probe_blender
 from ..render.workers.job import python_command
 from ..render.workers.process import clean_environment
+from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import parse_json
 from ..support.printer import print_table
-from ..system import run
+from ..support.system import run
 from .renderer_options import add_blender_option
 
 #: The subject of the finding that names the matchers of plug-ins.

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..number_text import count_of
 from ..physics.camera.stereo_geometry import centre_advice
 from ..physics.scene_requirements import bake_advice
 from ..render.cost.abilities import find_lack, needs_full_build
@@ -21,8 +20,9 @@ from ..render.plans.planned_pair import PlannedPair
 from ..render.workers.process import report_errors
 from ..settings.preset_files import plan_names
 from ..settings.table import all_settings
+from ..support.number_text import count_of
 from ..support.printer import emit, say, warn
-from ..terminal import as_path, show_count
+from ..support.terminal import as_path, show_count
 
 #: How many sentences on principal points are printed: one for each image size that a plan varies.
 _MOST_ADVICE = 2

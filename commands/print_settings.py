@@ -6,7 +6,7 @@ import argparse
 
 from ..settings import preset_files, toml_text
 from ..support import printer
-from ..terminal import as_path
+from ..support.terminal import as_path
 from .renderer_options import add_blender_option
 from .scene_options import add_scene_options, read_settings
 

@@ -8,14 +8,14 @@ from contextlib import nullcontext
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from ..errors import IcyMoonError
 from ..render.cost.abilities import Abilities, ask_abilities
 from ..render.cost.tolerance import PX, checked_tolerance, parse_fraction
 from ..render.workers.process import Message, report_errors
-from ..scratch import scratch_folder
 from ..settings import description, toml_text
 from ..support import printer
-from ..terminal import as_path, named, show_counted_progress, show_progress
+from ..support.errors import IcyMoonError
+from ..support.scratch import scratch_folder
+from ..support.terminal import as_path, named, show_counted_progress, show_progress
 from .renderer_options import add_blender_option
 from .scene_options import add_scene_options, read_settings
 

@@ -6,7 +6,6 @@ import argparse
 import sys
 from pathlib import Path
 
-from ..errors import IcyMoonError
 from ..render.cost.abilities import check_abilities
 from ..render.workers.cards import choose_cards
 from ..render.workers.job import Job, absolute_folder, render_job
@@ -14,7 +13,8 @@ from ..settings import description, preset_files
 from ..settings.topics.declaration import Parts
 from ..settings.topics.scene import Settings
 from ..support import printer
-from ..terminal import as_path, named, show_progress
+from ..support.errors import IcyMoonError
+from ..support.terminal import as_path, named, show_progress
 from .renderer_options import add_blender_option, add_cards_option
 from .scene_options import add_scene_options, read_settings
 

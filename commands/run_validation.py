@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import IcyMoonError
-from ..files import json_text, write_text
 from ..stereo.environment import packages
-from ..suggestions import nearest
 from ..support import printer
+from ..support.errors import IcyMoonError
+from ..support.files import json_text, write_text
 from ..support.foreign_bytes import MOST_TEXT, read
-from ..terminal import named, show_progress
+from ..support.suggestions import nearest
+from ..support.terminal import named, show_progress
 from ..validation.all_comparisons import load_comparisons
 from ..validation.comparison import AGREES, OFF, Bench, Comparison, Result, load_own_comparison, run_comparison
 from ..validation.tables import cells, markdown_section, replace_sections, summary

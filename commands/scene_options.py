@@ -6,7 +6,7 @@ import argparse
 
 from ..settings import description, preset_files
 from ..settings.topics.scene import Settings
-from ..terminal import as_path
+from ..support.terminal import as_path
 
 
 def add_scene_options(parser: argparse.ArgumentParser) -> None:

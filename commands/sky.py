@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
-from ..number_text import show_place
 from ..physics.light.ephemeris import date_text, parse_date
 from ..physics.light.scene_sun import described_by
 from ..physics.light.sky import check_body, sky, sky_facts
 from ..settings.description import check, merged
 from ..settings.preset_files import preset_names
+from ..support.errors import IcyMoonError
+from ..support.number_text import show_place
 from ..support.printer import emit_json, print_table, say
 from .scene_options import add_scene_options, read_settings
 

@@ -11,7 +11,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import IcyMoonError
 from ..paper_stand_ins.items import describe, items_of
 from ..render.pairs.pair_folder import find_pair_folders, read_pair
 from ..settings import description, preset_files, toml_text
@@ -19,6 +18,7 @@ from ..settings.table import TOPICS, all_settings
 from ..settings.topics.declaration import Setting, Value
 from ..settings.topics.scene import Settings
 from ..settings.topics.stand_ins import MeshItem
+from ..support.errors import IcyMoonError
 
 #: What stands for a preset where none states the value.
 DEFAULT, BY_HAND, STAND_IN = "default", "stated", "stand-in"

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 
-from ..errors import IcyMoonError
 from ..paper_stand_ins.cached_files import make_files, relief_m
 from ..paper_stand_ins.items import MESH_PIXELS, PIXELS
 from ..settings.topics.stand_ins import MESHES, TEXTURES, MeshItem, TextureItem
-from ..suggestions import nearest
+from ..support.errors import IcyMoonError
 from ..support.printer import say
-from ..terminal import as_path, named
+from ..support.suggestions import nearest
+from ..support.terminal import as_path, named
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ..terminal import as_path
+from ..support.terminal import as_path
 from ..validation.all_comparisons import MODULES
 from .renderer_options import add_blender_option
 

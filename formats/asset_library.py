@@ -12,11 +12,11 @@ import uuid
 from functools import partial
 from pathlib import Path
 
-from ..errors import IcyMoonError
-from ..file_shapes import TEXT, Each, read_record
-from ..files import explain_disk_errors, write_atomically, write_json, write_text
-from ..system import remove
-from ..version import version
+from ..support.errors import IcyMoonError
+from ..support.file_shapes import TEXT, Each, read_record
+from ..support.files import explain_disk_errors, write_atomically, write_json, write_text
+from ..support.system import remove
+from ..support.version import version
 
 #: The catalog of all others. Blender would add it and report the catalogs as changed.
 _PARENT = "Icy Moon"

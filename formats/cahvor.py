@@ -16,12 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import IcyMoonError
-from ..file_shapes import PIXELS
-from ..files import shorten
-from ..number_text import count_of
 from ..physics.camera.lens_distortion import distort
+from ..support.errors import IcyMoonError
+from ..support.file_shapes import PIXELS
+from ..support.files import shorten
 from ..support.foreign_bytes import ForeignBytes, RefusedError, read
+from ..support.number_text import count_of
 from .odl import Group, Value, parse_label
 
 _LETTERS = "CAHVORE"

@@ -10,7 +10,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from ..labels import BAKED_AOVS, BAKED_ERROR_PASSES, BEAUTY, GROUP_PASSES, IMAGE_PASS
+from ..support.labels import BAKED_AOVS, BAKED_ERROR_PASSES, BEAUTY, GROUP_PASSES, IMAGE_PASS
 from .exr_parts import Piece
 from .exr_pixels import Pixels
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import IcyMoonError
+from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import Budget, Cursor, ForeignBytes, read
 
 MAGIC = 20000630

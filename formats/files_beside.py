@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ..errors import IcyMoonError
+from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import read
 from . import gdal_lines
 

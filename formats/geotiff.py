@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from ..number_text import show_place
 from ..physics.mesh.height_map import NO_HEIGHT, clear_mark, clear_stated
 from ..support.foreign_bytes import ForeignBytes, parse_xml
 from ..support.foreign_bytes import read as read_foreign
+from ..support.number_text import show_place
 from . import files_beside, gdal_lines
 from .files_beside import NO_SIZE
 from .map_projection import (

@@ -12,9 +12,9 @@ import os
 import zipfile
 from pathlib import Path
 
-from ..errors import IcyMoonError
-from ..files import is_file, shorten
 from ..physics.mesh import obj, stl
+from ..support.errors import IcyMoonError
+from ..support.files import is_file, shorten
 from ..support.foreign_bytes import Cursor, ForeignBytes, read
 from . import gltf, ply
 from .mesh_file import with_article

@@ -8,8 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..errors import IcyMoonError
 from ..physics.mesh import stl
+from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import read
 from . import ply
 from .gltf import find_buffers, read_gltf

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from ..errors import IcyMoonError
+from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import ForeignBytes, read
 from . import ply
 from .gltf import read_gltf

@@ -23,8 +23,8 @@ from typing import IO, Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
-from ..files import write_atomically
+from ..support.errors import IcyMoonError
+from ..support.files import write_atomically
 from .ply import FACE, header_of
 
 #: Rows of text that are made at a time.

@@ -19,9 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files import shorten, write_atomically
 from ..physics.mesh.check import find_equal_rows
 from ..physics.mesh.line_forms import Forms, Rows, UnusualError, reduced
+from ..support.files import shorten, write_atomically
 from ..support.foreign_bytes import ForeignBytes, read, whole_numbers
 
 _TYPES = {"char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
+from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import Budget, ForeignBytes, OverBudgetError, RefusedError, read
 from . import gdal_lines
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
-from ..number_text import count_of
+from ..support.errors import IcyMoonError
+from ..support.number_text import count_of
 from .rendered_pair import RenderedPair, response_of
 
 #: Finds the disparity in px, (H, W), NaN where it finds none, of rectified images, uint8 (H, W) each.
@@ -72,9 +72,9 @@ def evaluate(pairs: RenderedPair | str | Path | Iterable[RenderedPair | str | Pa
     from ..stereo.environment import packages
 
     packages.require(*packages.PACKAGES)
-    from ..scratch import scratch_folder
     from ..stereo.evaluate import evaluate as evaluate_folders
     from ..stereo.matchers.methods import parse_methods, parse_named_methods
+    from ..support.scratch import scratch_folder
 
     folders = [each.folder if isinstance(each, RenderedPair) else Path(each) for each in
                ([pairs] if isinstance(pairs, RenderedPair | str | Path) else pairs)]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from ..errors import IcyMoonError
 from ..render.pairs.pair_folder import read_pair
 from ..render.plans.planned_pair import expand_headings
-from ..scratch import scratch_folder
 from ..settings import user_files
 from ..stereo.export import ground
-from ..suggestions import nearest
+from ..support.errors import IcyMoonError
+from ..support.scratch import scratch_folder
+from ..support.suggestions import nearest
 from .rendered_pair import RenderedPair, open_pairs
 from .renderers import this_blender
 from .scene import Scene

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import IcyMoonError
-from ..files import read_checksum, write_atomically
 from ..formats.tiff_write import encode_tiff
-from ..number_text import count_of
 from ..physics.rocks.table import COLUMNS, TABLE, covered_share
 from ..render.pairs.our_files import INPUTS
 from ..settings.description import defaults
+from ..support.errors import IcyMoonError
+from ..support.files import read_checksum, write_atomically
+from ..support.number_text import count_of
 
 #: A quantity over the patch: an array, or a function of arrays of east and north coordinates in metres.
 Field = Callable[[np.ndarray, np.ndarray], ArrayLike] | ArrayLike

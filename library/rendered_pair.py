@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
 from ..physics.camera.stereo_camera import StereoCamera
 from ..render.pairs.pair_folder import Pair, find_pair_folders, read_unchanged_pair
 from ..settings import description, preset_files
@@ -21,6 +20,7 @@ from ..stereo.images.disparity_and_occlusion import scene_depth, visible_in_righ
 from ..stereo.images.exr import Light, View
 from ..stereo.images.lens import lens_of
 from ..stereo.images.views import read_eye
+from ..support.errors import IcyMoonError
 
 
 class RenderedEye:

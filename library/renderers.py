@@ -11,15 +11,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol, Self
 
-from ..errors import IcyMoonError
-from ..files import write_text
-from ..number_text import count_of
 from ..render.workers.job import Job, blender_command
 from ..render.workers.process import Message, Process
-from ..scratch import make_scratch_folder
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
+from ..support.files import write_text
+from ..support.number_text import count_of
 from ..support.printer import show_controls
-from ..system import remove_folder
+from ..support.scratch import make_scratch_folder
+from ..support.system import remove_folder
 
 #: Receives the messages of a render: ``progress`` (``fraction``, ``message``), ``pair``, ``warning``.
 Hear = Callable[[Message], None]

@@ -8,13 +8,13 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from ..errors import IcyMoonError
 from ..render.pairs.pair_folder import is_complete, read_unchanged_pair
 from ..render.plans.planned_pair import expand_headings
 from ..render.workers.job import absolute_folder
 from ..settings import description, user_files
 from ..settings.toml_text import to_toml
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
 from .inputs import Field, Input, albedo_input, heights_input, rocks_input
 from .rendered_pair import RenderedPair, read_settings
 from .renderers import Hear, Renderer, as_warnings, default_renderer, ignore

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import IcyMoonError
-from ..number_text import count_of
+from ..support.errors import IcyMoonError
+from ..support.number_text import count_of
 from .rendered_pair import RenderedPair
 from .renderers import Hear, Renderer, ignore
 from .scene import Scene

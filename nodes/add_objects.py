@@ -7,10 +7,10 @@ from collections.abc import Callable
 import bpy
 import numpy as np
 
-from ..errors import IcyMoonError
 from ..physics.rocks.shapes import make_rock_shapes
 from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
 from . import engine
 from .ground.terrain_mesh import build_mesh, build_mesh_from_arrays
 from .surface.ground_and_rock_materials import build_ground_material, build_rock_material

@@ -14,11 +14,11 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import compat
 from ..formats.asset_library import catalog_id
 from ..settings import description, preset_files
 from ..settings.topics.declaration import Parts
 from ..settings.topics.scene import Settings
+from ..support.blender import compat
 from .datablocks.fingerprint import TAG
 from .light.scene_lights import build_lights, described_sky
 from .light.sun_lamp import build_sky

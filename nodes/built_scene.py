@@ -9,12 +9,12 @@ from typing import Any
 
 import bpy
 
-from ..errors import IcyMoonError
-from ..file_shapes import TABLE, TEXT, Each
 from ..settings.description import merged
 from ..settings.table import TOPICS
 from ..settings.topics.declaration import LANDFORMS, Parts
 from ..settings.topics.scene import Settings, typed
+from ..support.errors import IcyMoonError
+from ..support.file_shapes import TABLE, TEXT, Each
 from . import engine
 from .datablocks.blend_file_paths import are_there, content, used_files
 from .datablocks.fingerprint import (

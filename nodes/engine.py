@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from .. import compat
-from ..errors import IcyMoonError
+from ..support.blender import compat
+from ..support.errors import IcyMoonError
 
 _OFF = ("Cycles is switched off, but Icy Moon renders with it; enable the add-on Cycles Render Engine in Preferences ▸ "
         "Add-ons.")

@@ -10,7 +10,7 @@ from typing import Any
 
 import bpy
 
-from .. import compat
+from ..support.blender import compat
 from .datablocks.fingerprint import OWN, TAG
 from .datablocks.stored_properties import stored_properties
 from .remove import leftovers, remove_if_unused

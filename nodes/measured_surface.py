@@ -14,11 +14,11 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import compat
-from ..errors import IcyMoonError
 from ..formats import ply
-from ..number_text import count_of
 from ..stereo.images.colours import ERROR, signed_colours
+from ..support.blender import compat
+from ..support.errors import IcyMoonError
+from ..support.number_text import count_of
 from .datablocks.array_marks import read_property
 from .datablocks.fingerprint import TAG
 from .tree.builder import Tree

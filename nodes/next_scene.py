@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import bpy
 
-from ..errors import IcyMoonError
 from ..physics import refused_scenes
 from ..physics.camera.stereo_geometry import rounding_advice
 from ..settings import changes
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
 from . import preview
 from .built_scene import SETTINGS, Built, find
 from .datablocks.blend_file_paths import content

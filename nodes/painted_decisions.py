@@ -11,10 +11,10 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..errors import IcyMoonError
 from ..stereo.decisions.map_colours import KINDS, colour_cells, count_cells
 from ..stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap, outlines
 from ..stereo.images.colours import SKY_GREY
+from ..support.errors import IcyMoonError
 from .built_scene import Built
 from .datablocks.fingerprint import TAG, instanced_objects
 from .ground.terrain_mesh import build_mesh_from_arrays

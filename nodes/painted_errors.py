@@ -13,8 +13,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..errors import IcyMoonError
-from ..number_text import count_of
 from ..physics.camera.blur import blur_identity
 from ..physics.mesh.subdivide import halve_edges
 from ..render.pairs.pair_folder import Pair
@@ -34,6 +32,8 @@ from ..stereo.ground_errors import (
     project,
 )
 from ..stereo.images.colours import SKY_GREY
+from ..support.errors import IcyMoonError
+from ..support.number_text import count_of
 from .built_scene import Built
 from .datablocks.array_marks import PAINTED, read_property
 from .datablocks.fingerprint import TAG, added_objects, instanced_objects

@@ -15,8 +15,6 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..errors import IcyMoonError
-from ..file_shapes import TABLE, TEXT, Each
 from ..physics import refused_scenes
 from ..physics.arm.parametric import JOINTS
 from ..physics.excavation.jitter import jittered_rig
@@ -31,6 +29,8 @@ from ..settings import changes
 from ..settings.changes import geometry
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
+from ..support.file_shapes import TABLE, TEXT, Each
 from . import painted_errors
 from . import scene as scenes
 from .datablocks.blend_file_paths import with_absolute_files

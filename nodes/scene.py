@@ -12,10 +12,10 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..errors import IcyMoonError
 from ..physics.terrain.terrain import make_terrain as make_terrain
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
 from . import engine, eyes_above_ground
 from .built_scene import (
     CONTENT,

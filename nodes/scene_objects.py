@@ -9,9 +9,6 @@ from typing import Any
 
 import bpy
 
-from ..errors import IcyMoonError
-from ..labels import TERRAIN_INSTANCE
-from ..number_text import count_of
 from ..physics import refused_scenes
 from ..physics.camera import blur
 from ..physics.camera.stereo_geometry import rounding_advice
@@ -28,6 +25,9 @@ from ..physics.rocks.shapes import make_rock_shapes
 from ..physics.rocks.table import TABLE, read_table
 from ..physics.terrain.terrain import Terrain, make_terrain, terrain_advice
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
+from ..support.labels import TERRAIN_INSTANCE
+from ..support.number_text import count_of
 from .datablocks.blend_file_paths import with_absolute_files
 from .datablocks.fingerprint import NAME, TAG
 from .ground.dug_ground import DugGround, mesh_whole_ground

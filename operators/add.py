@@ -7,14 +7,14 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
 from ..nodes.add_objects import build_rock_object, build_terrain_object
 from ..settings import description
+from ..settings.blender import scene_properties
 from ..settings.preset_files import load_preset
 from ..settings.table import TOPICS, ground_settings
 from ..settings.topics.declaration import LANDFORMS
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
 from .presets import preset_items
 from .sidebar_text import in_window
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import bpy
 
-from ..errors import IcyMoonError
 from ..formats.asset_library import uninstall
-from ..number_text import count_of
-from ..preferences import asset_folder, find_asset_libraries, has_assets
 from ..render.workers.job import blender_command
 from ..render.workers.process import Message, Process
+from ..support.errors import IcyMoonError
+from ..support.number_text import count_of
 from ..support.printer import show_controls
 from . import jobs
+from .preferences import asset_folder, find_asset_libraries, has_assets
 from .sidebar_text import in_window
 
 _NAME = "Icy Moon"

@@ -6,14 +6,14 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
 from ..nodes import preview
 from ..nodes import scene as scenes
 from ..nodes.ground.user_ground import cost_warnings
 from ..nodes.measured_surface import find_points
-from ..number_text import count_of
+from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
+from ..support.number_text import count_of
 from . import first_picture, view_exposure, view_resolution
 from .coloured_views import hide_errors
 from .sidebar_text import in_window

@@ -11,20 +11,20 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
-from ..files import absolute_path
-from ..preferences import extension_folder, find_evaluator_python, workers
 from ..render.pairs.pair_folder import is_complete
 from ..render.plans.plan_file import find_plan, read_plan_header
 from ..render.workers.detached import Detached, find_left_running
 from ..render.workers.job import blender_command
 from ..render.workers.process import Message, Process, clean_environment
+from ..settings.blender import scene_properties
 from ..settings.preset_files import plan_names
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
+from ..support.files import absolute_path
 from ..support.printer import show_controls
-from ..system import user_key
+from ..support.system import user_key
 from . import dialogs, evaluate, jobs
+from .preferences import extension_folder, find_evaluator_python, workers
 from .render import dataset_folder
 from .show_pair import ShowsPair
 from .sidebar_text import in_window

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import bpy
 
-from .. import scene_properties
-from ..preferences import find_evaluator_python
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
+from ..settings.blender import scene_properties
 from ..support.printer import show_controls
 from . import jobs, own_reports
 from .evaluate import matcher_arguments, response_arguments
+from .preferences import find_evaluator_python
 from .render import dataset_folder
 
 

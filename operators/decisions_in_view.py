@@ -6,12 +6,12 @@ from pathlib import Path
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
 from ..nodes import painted_decisions, painted_errors
 from ..nodes.built_scene import Built
+from ..settings.blender import scene_properties
 from ..stereo.decisions import stored_maps
 from ..stereo.matchers.methods import describe_method
+from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
 from . import errors_in_view
 from .build import leave_edit_mode

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
 from ..nodes import measured_surface, painted_errors
 from ..nodes import scene as scenes
-from ..number_text import count_of
 from ..render.pairs.our_files import folder_of_pairs
 from ..render.pairs.pair_folder import read_pair
 from ..settings import change_announcements
+from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from ..stereo.ground_errors import DepthErrors, read_depth_errors
 from ..stereo.matchers.methods import describe_method
+from ..support.errors import IcyMoonError
+from ..support.number_text import count_of
 from ..support.printer import show_controls
 from .build import leave_edit_mode
 from .coloured_views import hide_errors, is_shown, show_colours

@@ -8,25 +8,20 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
-from ..files import absolute_path
-from ..preferences import (
-    find_evaluator_python,
-    is_evaluator_missing,
-    own_matcher_arguments,
-    plugin_matcher_names,
-)
 from ..render.pairs.pair_folder import is_complete
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
+from ..settings.blender import scene_properties
 from ..settings.table import all_settings
 from ..settings.topics.scene import Settings
 from ..settings.topics.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
 from ..stereo.matchers.methods import toggle_method
+from ..support.errors import IcyMoonError
+from ..support.files import absolute_path
 from ..support.printer import show_controls
 from . import jobs, own_reports, results
+from .preferences import find_evaluator_python, is_evaluator_missing, own_matcher_arguments, plugin_matcher_names
 from .render import dataset_folder, planned_pairs
 
 

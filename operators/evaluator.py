@@ -8,9 +8,9 @@ from dataclasses import replace
 import bpy
 
 from ..commands.doctor import Finding, examine_blender, examine_evaluator, examine_kernels, examine_landforms
-from ..errors import IcyMoonError
-from ..preferences import find_evaluator_python, kernels, matchers, show_findings
+from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
+from .preferences import find_evaluator_python, kernels, matchers, show_findings
 from .sidebar_text import in_window, plain
 
 

@@ -7,15 +7,15 @@ from pathlib import Path
 
 import bpy
 
-from .. import scene_properties
-from ..number_text import count_of
-from ..preferences import find_evaluator_python
 from ..render.workers.job import python_command
 from ..render.workers.process import Message, Process, clean_environment
+from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
+from ..support.number_text import count_of
 from ..support.printer import show_controls
 from . import jobs, results
 from .evaluate import rendered_pairs, response_arguments
+from .preferences import find_evaluator_python
 from .render import dataset_folder
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
 from ..formats import gdal_lines
 from ..nodes import scene as scenes
 from ..nodes.ground import user_ground as grounds
+from ..settings.blender import scene_properties
+from ..support.errors import IcyMoonError
 from . import dialogs
 from .build import build_and_report
 from .sidebar_text import in_window, plain

@@ -8,14 +8,14 @@ from pathlib import Path
 import bpy
 
 from ..commands.doctor import Finding
-from ..errors import IcyMoonError
-from ..preferences import has_own_evaluator, own_evaluator_python, show_findings
 from ..render.workers.job import python_command
 from ..render.workers.process import Process, clean_environment
 from ..stereo.environment.install import DISK_MB
+from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
-from ..system import find_pythons, is_python, remove_folder, run
+from ..support.system import find_pythons, is_python, remove_folder, run
 from . import jobs
+from .preferences import has_own_evaluator, own_evaluator_python, show_findings
 
 #: Width of the question before the installation, in pixels of a screen without scaling.
 _DIALOG_PX = 400

@@ -11,11 +11,11 @@ from typing import Any
 
 import bpy
 
-from ..errors import IcyMoonError
 from ..render.graphics_cards import find_ticked_cards
 from ..render.workers.cards import ENVIRONMENT, add_cards
 from ..render.workers.detached import Detached
 from ..render.workers.process import Message, Process
+from ..support.errors import IcyMoonError
 from .sidebar_text import in_window
 
 _INTERVAL_S = 0.1

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
 from ..render.pairs.our_files import folder_of_pair
 from ..render.pairs.pair_folder import is_complete
 from ..render.workers.process import Message
 from ..settings import change_announcements
+from ..settings.blender import scene_properties
+from ..support.errors import IcyMoonError
 from . import jobs, live_preview
 from .expose import start_developing
 from .render import dataset_folder

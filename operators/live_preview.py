@@ -11,12 +11,12 @@ import time
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
 from ..nodes import preview
 from ..nodes import scene as scenes
 from ..settings import change_announcements, description
+from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
 from . import first_picture, refine, view_resolution
 from .build import frame_and_expose
 from .coloured_views import give_back_views

@@ -12,13 +12,13 @@ from typing import Any
 
 import bpy
 
-from ..errors import IcyMoonError
-from ..files import explain_disk_errors, write_text
 from ..formats.markdown import page_html
-from ..scratch import make_scratch_folder
 from ..settings.table import TOPICS
 from ..settings.topics.declaration import LANDFORMS
-from ..version import ROOT, version
+from ..support.errors import IcyMoonError
+from ..support.files import explain_disk_errors, write_text
+from ..support.scratch import make_scratch_folder
+from ..support.version import ROOT, version
 from .sidebar_text import in_window
 
 _DOCS = ROOT / "docs"

@@ -9,10 +9,10 @@ from __future__ import annotations
 from contextlib import suppress
 from pathlib import Path
 
-from ..cache import own_cache_folder
-from ..errors import IcyMoonError
-from ..file_shapes import TABLE, read_record
-from ..files import sha256, write_json
+from ..support.cache import own_cache_folder
+from ..support.errors import IcyMoonError
+from ..support.file_shapes import TABLE, read_record
+from ..support.files import sha256, write_json
 
 #: Maximum number of checksums in the file, the newest last.
 _MOST = 500

@@ -9,25 +9,25 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
 from ..commands.sources import BY_HAND, DEFAULT, find_origins
-from ..errors import IcyMoonError
-from ..files import explain_disk_errors, write_atomically, write_text
 from ..formats.png import encode_png
 from ..nodes import preview
 from ..nodes import scene as scenes
 from ..nodes.datablocks.blend_file_paths import with_absolute_files
 from ..nodes.ground.user_ground import is_from_file
-from ..preferences import extension_folder
 from ..render.cycles_settings import find_lack
 from ..settings import changes, description, preset_files, toml_text
+from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
 from ..stereo.pair_views import read_pair_views
+from ..support.errors import IcyMoonError
+from ..support.files import explain_disk_errors, write_atomically, write_text
 from ..support.printer import show_controls
-from ..system import name_fault, remove
+from ..support.system import name_fault, remove
 from . import dialogs, first_picture, live_preview, refine
 from .build import build_and_report
 from .evaluate import rendered_pairs
+from .preferences import extension_folder
 from .sidebar_text import in_window, line_length, remember
 
 #: Prefix of the names of the user's own presets.

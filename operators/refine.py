@@ -12,14 +12,14 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError, describe_error
 from ..nodes import preview
 from ..nodes import scene as scenes
 from ..nodes.ground.dug_ground import mesh_whole_ground
 from ..nodes.ground.terrain_mesh import MeshedGround
 from ..settings import changes
+from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError, describe_error
 from . import first_picture, jobs, view_resolution
 from .build import look_through, views_through
 

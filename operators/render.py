@@ -8,8 +8,6 @@ from pathlib import Path
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
 from ..nodes import scene as scenes
 from ..nodes.datablocks.blend_file_paths import with_absolute_files
 from ..render.cycles_settings import check_possible
@@ -18,7 +16,9 @@ from ..render.worker import render_pairs
 from ..render.workers.job import Job as JobFiles
 from ..render.workers.job import absolute_folder, blender_command
 from ..render.workers.process import Message, Process
+from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
 from ..support.printer import show_controls
 from . import jobs
 from .build import frame_and_expose, leave_edit_mode, look_through, views_through

@@ -12,18 +12,18 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
-from ..file_shapes import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, read_record
-from ..files import explain_disk_errors
-from ..number_text import count_of
 from ..settings import description
+from ..settings.blender import scene_properties
 from ..settings.table import all_settings
 from ..settings.topics.declaration import Setting
 from ..settings.topics.scene import Settings, typed
 from ..stereo.matchers.methods import describe_method
 from ..stereo.report.table_columns import NO_RESULT, RANKING
+from ..support.errors import IcyMoonError
+from ..support.file_shapes import COUNT, NUMBER, TABLE, TEXT, Each, Maybe, find_fault, read_record
+from ..support.files import explain_disk_errors
 from ..support.foreign_bytes import parse_json
+from ..support.number_text import count_of
 from . import image_editor, own_reports
 from .jobs import push_undo
 from .render import dataset_folder

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
-from ..files import write_text
 from ..settings import preset_files, toml_text
+from ..settings.blender import scene_properties
+from ..support.errors import IcyMoonError
+from ..support.files import write_text
 from ..support.printer import show_controls
 from . import dialogs
 from .sidebar_text import in_window

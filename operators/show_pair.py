@@ -18,19 +18,19 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError, describe_error
-from ..files import explain_disk_errors
 from ..formats.png import encode_png
 from ..nodes.datablocks.fingerprint import TAG
 from ..render.pairs.our_files import checked_id, folder_of_pair
-from ..scratch import make_scratch_folder
 from ..settings import change_announcements
+from ..settings.blender import scene_properties
 from ..settings.changes import response
 from ..settings.topics.scene import typed
 from ..stereo.pair_views import PairViews, read_pair_views
+from ..support.errors import IcyMoonError, describe_error
+from ..support.files import explain_disk_errors
 from ..support.printer import show_controls
-from ..system import remove_folder
+from ..support.scratch import make_scratch_folder
+from ..support.system import remove_folder
 from . import image_editor, live_preview, view_exposure
 from .evaluate import rendered_pairs
 from .jobs import push_undo, redraw

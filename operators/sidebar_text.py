@@ -12,9 +12,6 @@ from typing import Any, TypeVar
 
 import bpy
 
-from .. import compat
-from ..errors import IcyMoonError
-from ..number_text import show_rounded
 from ..physics.camera.blur import blur_advice, blur_of, confusion_px, motion_px
 from ..physics.camera.lens_distortion import coefficients, overscan_needed
 from ..physics.camera.stereo_geometry import GroundRow, depth_error_m, ground_row, shared_width_px
@@ -30,6 +27,9 @@ from ..settings.topics.camera import RigSettings, SensorSettings
 from ..settings.topics.declaration import Setting
 from ..settings.topics.light import LightSettings
 from ..settings.topics.scene import Settings
+from ..support.blender import compat
+from ..support.errors import IcyMoonError
+from ..support.number_text import show_rounded
 from ..support.printer import show_controls
 
 #: Disparity error, px, for which the depth error is given: the error of good matchers on textured ground.

@@ -8,22 +8,23 @@ from typing import Any
 
 import bpy
 
-from .. import compat, scene_properties
-from ..errors import IcyMoonError
-from ..files import write_text
 from ..nodes.datablocks.blend_file_paths import with_absolute_files
 from ..nodes.scene import find
-from ..preferences import find_evaluator_python
 from ..render.cost import measure_speed, speed, tolerance
 from ..render.workers.job import Job, blender_command, python_command
 from ..render.workers.process import Message, Process, clean_environment
-from ..scratch import make_scratch_folder
 from ..settings import toml_text
+from ..settings.blender import scene_properties
 from ..settings.topics.scene import Settings
+from ..support.blender import compat
+from ..support.errors import IcyMoonError
+from ..support.files import write_text
 from ..support.printer import show_controls
-from ..system import remove_folder
+from ..support.scratch import make_scratch_folder
+from ..support.system import remove_folder
 from . import jobs, sidebar_text
 from .evaluate import matcher_arguments
+from .preferences import find_evaluator_python
 from .render import dataset_folder
 
 #: Result of the last measurement or search as lines for the panel, by the name of the scene.

@@ -11,8 +11,6 @@ import bpy
 import bpy.utils.previews
 import numpy as np
 
-from .. import compat, scene_properties
-from ..errors import IcyMoonError
 from ..nodes import preview
 from ..nodes.datablocks.blend_file_paths import with_absolute_files
 from ..render.plans.planned_pair import expand_headings
@@ -20,12 +18,15 @@ from ..render.plans.vary_scene import end_settings
 from ..render.workers.job import Job as JobFiles
 from ..render.workers.job import blender_command
 from ..render.workers.process import Message, Process
-from ..scratch import make_scratch_folder
 from ..settings import change_announcements, changes
+from ..settings.blender import scene_properties
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..stereo.pair_views import read_pair_views
-from ..system import remove_folder
+from ..support.blender import compat
+from ..support.errors import IcyMoonError
+from ..support.scratch import make_scratch_folder
+from ..support.system import remove_folder
 from . import jobs
 
 #: Columns or rows of a picture at most, and light paths per pixel, with a denoiser and without. The sidebar shows a

@@ -12,13 +12,9 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
-from ..files import absolute_path, read_text, write_text
 from ..nodes import scene as scenes
 from ..nodes.datablocks.blend_file_paths import with_absolute_files
 from ..nodes.datablocks.fingerprint import added_objects
-from ..number_text import count_of
 from ..render.cost.estimate import duration_text, estimate_roughly, size_text
 from ..render.pairs.our_files import folder_of_pairs
 from ..render.plans.frozen_plan import PLAN as FROZEN
@@ -39,9 +35,13 @@ from ..render.plans.vary_scene import (
     why_fixed,
 )
 from ..settings import change_announcements
+from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from ..settings.topics.declaration import Setting
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
+from ..support.files import absolute_path, read_text, write_text
+from ..support.number_text import count_of
 from ..support.printer import show_controls
 from . import dataset, dialogs, jobs, results, variation_pictures
 from .list_editing import EditedList, MoveEntry, RemoveEntry

@@ -14,8 +14,6 @@ from pathlib import Path
 
 import bpy
 
-from .. import scene_properties
-from ..errors import IcyMoonError
 from ..nodes import scene as scenes
 from ..nodes.datablocks.fingerprint import TAG
 from ..physics.camera.sensor import capacity_e
@@ -23,9 +21,11 @@ from ..physics.light.photons import pixel_pitch_m
 from ..physics.surfaces import albedos
 from ..render.pairs.pair_folder import read_pair
 from ..settings import change_announcements, changes
+from ..settings.blender import scene_properties
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
 from ..stereo.images.develop import Channels
+from ..support.errors import IcyMoonError
 from . import sidebar_text
 
 #: View transform that shows light as the images of a camera do.

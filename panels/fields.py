@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from .. import scene_properties
 from ..operators import jobs
 from ..operators.sidebar_text import in_lines, line_length, plain
+from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from ..settings.topics.declaration import Setting
 from ..settings.topics.scene import Settings

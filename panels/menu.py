@@ -7,8 +7,8 @@ from typing import Any
 import bpy
 
 from ..operators import jobs
+from ..operators.preferences import can_install_evaluator
 from ..operators.presets import preset_items
-from ..preferences import can_install_evaluator
 from ..settings.preset_files import KINDS
 
 #: Width of the progress bar in heights of a button. At Blender's default width its text would be cut.

@@ -6,7 +6,6 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
 from ..nodes import measured_surface, painted_errors
 from ..operators import (
     dataset,
@@ -22,7 +21,8 @@ from ..operators import (
     view_exposure,
     view_resolution,
 )
-from ..preferences import own_matcher_names, plugin_matcher_names
+from ..operators.preferences import own_matcher_names, plugin_matcher_names
+from ..settings.blender import scene_properties
 from ..settings.topics.trust_boundary import OWN
 from ..stereo.matchers import NEEDS, TITLES
 from ..stereo.matchers.methods import names_method

@@ -8,13 +8,13 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
 from ..nodes import preview
 from ..nodes import scene as scenes
 from ..operators import live_exposure, sidebar_text
 from ..operators.sidebar_text import remember
 from ..paper_stand_ins.items import describe, items_of
 from ..physics.surfaces import albedos, principled
+from ..settings.blender import scene_properties
 from ..settings.preset_files import load, preset_header, preset_names, preset_path
 from ..settings.table import TOPICS
 from ..settings.topics.stand_ins import MeshItem, TextureItem

@@ -6,9 +6,9 @@ from typing import Any
 
 import bpy
 
-from .. import scene_properties
 from ..operators import dataset, show_pair, variation_pictures, vary
 from ..render.plans.vary_scene import label_of, names_that_vary
+from ..settings.blender import scene_properties
 from ..settings.table import TOPICS
 from .fields import draw_sentence, draw_settings, draw_start
 from .sidebar import Sidebar

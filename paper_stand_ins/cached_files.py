@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..cache import FOLDER_VARIABLE, own_cache_folder
-from ..errors import DiskError, IcyMoonError
-from ..file_shapes import COUNT, FILE_NAME, NUMBER, SHA256, Each, read_record
-from ..files import PART, explain_disk_errors, sha256, write_atomically, write_json
 from ..formats.ply import encode_triangles
 from ..formats.png import encode_png
 from ..settings.topics.stand_ins import MeshItem, TextureItem, mesh_item, texture_item
-from ..system import remove
+from ..support.cache import FOLDER_VARIABLE, own_cache_folder
+from ..support.errors import DiskError, IcyMoonError
+from ..support.file_shapes import COUNT, FILE_NAME, NUMBER, SHA256, Each, read_record
+from ..support.files import PART, explain_disk_errors, sha256, write_atomically, write_json
+from ..support.system import remove
 from .items import RECIPE
 from .reconstructions import reconstruct
 from .texture_maps import make_maps

@@ -15,10 +15,10 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from ..errors import IcyMoonError
 from ..settings.topics.camera import RigSettings
 from ..settings.topics.rocks import RocksSettings
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
 from .arm.collisions import find_link_around
 from .arm.kinematics import Joint, beyond_limits
 from .arm.lander_arm import arm_of, is_own, joint_values

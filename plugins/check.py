@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
 
-from ..errors import IcyMoonError
+from ..support.errors import IcyMoonError
 from .installed import Plugin, load, summary_of
 
 Made = TypeVar("Made")

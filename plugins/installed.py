@@ -19,7 +19,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from ..errors import DiskError, IcyMoonError
+from ..support.errors import DiskError, IcyMoonError
 from ..support.printer import show_controls
 
 #: What a plug-in adds -> the group of its entry point.

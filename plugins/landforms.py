@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
+from ..support.errors import IcyMoonError
 from .installed import Plugin, explained, find, function_of, load, summary_of
 
 #: Prefix of the name of a landform's table of settings; no table of ours begins with it.

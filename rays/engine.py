@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 
-from ..errors import IcyMoonError
+from ..support.errors import IcyMoonError
 from .embree import EmbreeTracer, Library, load_library
 from .shapes import World
 from .surface import Tracer

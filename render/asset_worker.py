@@ -10,8 +10,8 @@ from pathlib import Path
 
 from ..formats.asset_library import install
 from ..nodes.assets import asset_names, write_asset
-from ..scratch import scratch_folder
 from ..support.printer import emit
+from ..support.scratch import scratch_folder
 from .worker import run_to_exit
 
 _NO_MEMORY = "There is not enough memory to make the asset library; close other programs and make it again."

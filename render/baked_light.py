@@ -21,13 +21,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import compat
-from ..errors import IcyMoonError
-from ..labels import BAKED_ATTRIBUTES, BAKED_ERROR_ATTRIBUTES, NOT_BAKED
 from ..nodes.datablocks.fingerprint import added_objects
 from ..nodes.rig import turn_about_eye
 from ..nodes.scene import Built
-from ..number_text import show_rounded
 from ..physics.light import baked_texels
 from ..physics.light.baked_noise import largest_share, noise_of, samples_needed
 from ..physics.light.baked_rocks import TERMS, fit
@@ -36,6 +32,10 @@ from ..physics.rig.seen_points import find_seen_facets, sides_passed
 from ..physics.scene_requirements import why_not_baked
 from ..settings import changes
 from ..settings.topics.scene import Settings
+from ..support.blender import compat
+from ..support.errors import IcyMoonError
+from ..support.labels import BAKED_ATTRIBUTES, BAKED_ERROR_ATTRIBUTES, NOT_BAKED
+from ..support.number_text import show_rounded
 from . import baked_rocks, cycles_settings, texel_bakes
 from .mesh_arrays import read_corners, read_triangles, read_vertices
 from .pairs.baked_file import BakedLight

@@ -11,8 +11,6 @@ from contextlib import contextmanager
 import bpy
 import numpy as np
 
-from .. import compat
-from ..labels import BAKED_ATTRIBUTES
 from ..nodes.datablocks.fingerprint import TAG
 from ..nodes.ground.heights_under import probe_heights
 from ..nodes.ground.rocks import ROTATION, SCALE, SHAPE, parts_of
@@ -20,6 +18,8 @@ from ..nodes.ground.terrain_mesh import build_mesh_from_arrays
 from ..physics.light import baked_rocks
 from ..physics.light.baked_rocks import Points
 from ..physics.rocks.rocks import LEVEL_RANKS, euler_matrices
+from ..support.blender import compat
+from ..support.labels import BAKED_ATTRIBUTES
 from .mesh_arrays import read_corners, read_vertices
 
 _NAME = "Icy Moon Baked Rocks"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import bpy
 
-from .. import compat
-from ..errors import IcyMoonError
 from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
+from ..support.blender import compat
+from ..support.errors import IcyMoonError
 from .cost.abilities import Abilities, lack_for, lack_for_quality
 from .graphics_cards import select_cards
 

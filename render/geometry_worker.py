@@ -18,10 +18,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..errors import IcyMoonError
-from ..files import explain_disk_errors, write_json
 from ..formats.placed_meshes import PlacedMesh, by_kind
-from ..labels import PLANET, SEMANTIC
 from ..nodes.datablocks.blend_file_paths import content
 from ..nodes.scene import Built, extra
 from ..nodes.surface.reflectance_laws import OF_NODES
@@ -31,6 +28,9 @@ from ..physics.scene_requirements import surface_topics
 from ..physics.surfaces import principled
 from ..settings.description import digest, merged
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
+from ..support.files import explain_disk_errors, write_json
+from ..support.labels import PLANET, SEMANTIC
 from ..support.printer import emit
 from .ground_files import frame_facts, refuse_too_many, write_map, write_meshes
 from .ground_maps import make_ground_map

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
-from ..files import write_atomically
 from ..formats.geotiff import map_facts, map_notes
 from ..formats.placed_meshes import PlacedMesh, by_kind, write_gltf, write_obj, write_ply, write_usd
 from ..formats.tiff_write import Place, encode_tiff
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
+from ..support.files import write_atomically
 from .ground_maps import GroundMap
 
 #: Most triangles in files that have no instances. Readers take about 100 bytes for each, as trimesh does with its

@@ -14,11 +14,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from .. import system
-from ..errors import IcyMoonError
 from ..formats.exr_layout import is_whole
 from ..formats.exr_pixels import decode_parts
-from ..labels import ALBEDO_AOV, ROCK, SKY_DEPTH_M, TERRAIN, TRUTH
 from ..nodes.datablocks.fingerprint import TAG, instanced_objects
 from ..nodes.ground.user_ground import is_from_file
 from ..nodes.lander.objects import ROLES as LANDER_ROLES
@@ -28,7 +25,10 @@ from ..nodes.surface.sun_inputs import prepare_for_cycles
 from ..rays.shapes import World
 from ..rays.stereo_truth import squares
 from ..rays.surface import Tracer, find_surface
+from ..support import system
+from ..support.errors import IcyMoonError
 from ..support.foreign_bytes import OverBudgetError
+from ..support.labels import ALBEDO_AOV, ROCK, SKY_DEPTH_M, TERRAIN, TRUTH
 from . import cycles_settings, passes, separate_lights
 from .cycles_errors import first_line
 from .pairs.workspace_cells import MOST_CELLS, PLACES, Extent

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..formats.exr_parts import assemble, read_pieces, strip_passing
 from ..formats.exr_pixels import Pixels
-from ..labels import HIDDEN, SKY_DEPTH_M, TRUTH
 from ..physics.camera.hidden_points import find_hidden
 from ..physics.camera.stereo_camera import StereoCamera
+from ..support.labels import HIDDEN, SKY_DEPTH_M, TRUTH
 from .pairs.pair_folder import EYES
 
 #: From a pixel's centre to the rays between it and the next one. ``benchmarks/occlusion.py`` has what more rays find.

@@ -21,10 +21,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..errors import IcyMoonError
 from ..nodes.ground.terrain_mesh import SPACING, build_mesh_from_arrays
 from ..nodes.tree.evaluate_field import NotTranslatable, evaluate_field, read_numbers
 from ..physics.light import baked_texels
+from ..support.errors import IcyMoonError
 from . import texel_bakes
 from .mesh_arrays import read_corners, read_smooth, read_triangles, read_vertices
 

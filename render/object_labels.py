@@ -12,10 +12,10 @@ from typing import Any
 
 import bpy
 
-from .. import compat
-from ..errors import IcyMoonError
-from ..labels import FIRST_OBJECT_INSTANCE, LANDER, LAST_OBJECT_INSTANCE
 from ..nodes.datablocks.fingerprint import TAG
+from ..support.blender import compat
+from ..support.errors import IcyMoonError
+from ..support.labels import FIRST_OBJECT_INSTANCE, LANDER, LAST_OBJECT_INSTANCE
 
 
 def _materials(item: bpy.types.Object) -> set[bpy.types.Material]:

@@ -9,8 +9,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import compat
-from ..labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
 from ..nodes.light.sun_lamp import read_scene_sun
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import describe_hapke
@@ -22,8 +20,10 @@ from ..physics.camera.stereo_camera import StereoCamera
 from ..physics.light.sky import compare_lights
 from ..physics.scene_requirements import find_left_out, traced_sentence
 from ..settings.topics.scene import Settings
-from ..system import peak_memory_mib
-from ..version import version
+from ..support.blender import compat
+from ..support.labels import FIRST_ROCK_INSTANCE, INSTANCE_AOV, SEMANTIC, TERRAIN_INSTANCE
+from ..support.system import peak_memory_mib
+from ..support.version import version
 from .graphics_cards import list_selected_cards
 from .pairs.pair_folder import EYES, FORMAT, VERSION
 from .pairs.workspace_cells import describe_workspace

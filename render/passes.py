@@ -11,8 +11,8 @@ from pathlib import Path
 
 import bpy
 
-from .. import compat
-from ..labels import BAKED_AOVS, BAKED_ERROR_AOVS, BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
+from ..support.blender import compat
+from ..support.labels import BAKED_AOVS, BAKED_ERROR_AOVS, BEAUTY, INSTANCE_AOV, LIGHT_GROUPS, NORMAL_AOV, TRUTH
 
 _SUFFIX = {"left": "_L", "right": "_R"}
 

@@ -8,7 +8,7 @@ import sys
 
 import bpy
 
-from .. import compat
+from ..support.blender import compat
 from ..support.printer import emit
 from . import graphics_cards
 

@@ -14,8 +14,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import compat
-from ..labels import INSTANCE_ATTRIBUTE
 from ..nodes.datablocks.fingerprint import TAG
 from ..nodes.light.celestial_meshes import TRANSMISSION
 from ..nodes.tree.evaluate_field import read_numbers
@@ -23,6 +21,8 @@ from ..rays.engine import open_tracer
 from ..rays.shapes import Placed, Shape, World
 from ..rays.stereo_truth import Stage
 from ..rays.surface import Tracer
+from ..support.blender import compat
+from ..support.labels import INSTANCE_ATTRIBUTE
 from .mesh_arrays import is_rendered, read_corners, read_slots, read_smooth, read_triangles, read_vertices
 from .moved_vertices import is_moved, move_corners
 from .tree_tracer import TreeTracer

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..files import explain_disk_errors
 from ..formats.exr_parts import assemble
 from ..formats.exr_pixels import encode_part
-from ..labels import FIRST_ROCK_INSTANCE, HIDDEN, INSTANCE_AOV, NORMAL_AOV, SKY_DEPTH_M, TRUTH
 from ..physics.camera.stereo_camera import StereoCamera
 from ..rays.stereo_truth import Eye, EyeTruth, Stage, trace_eyes
+from ..support.files import explain_disk_errors
+from ..support.labels import FIRST_ROCK_INSTANCE, HIDDEN, INSTANCE_AOV, NORMAL_AOV, SKY_DEPTH_M, TRUTH
 from .pairs.pair_folder import EYES
 
 

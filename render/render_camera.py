@@ -15,10 +15,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ..errors import IcyMoonError
 from ..nodes.rig import OPENCV_FROM_BLENDER
 from ..physics.camera.blur import Blur, pose_after
 from ..physics.camera.stereo_camera import StereoCamera
+from ..support.errors import IcyMoonError
 
 #: Where Cycles takes the first sample of a pixel, right of and above its centre, with the pixel filter
 #: that ``quality`` sets: half a bin of the filter's table. Measured the same in 4.3, 5.0 and 5.2.

@@ -13,21 +13,16 @@ from typing import Any
 import bpy
 import numpy as np
 
-from .. import system
-from ..errors import DiskError, IcyMoonError
-from ..files import explain_disk_errors, part_of, sha256, write_json
 from ..formats.exr_add import add_baked, add_planet, is_sum_of_lights, noise_of_baked
 from ..formats.exr_layout import is_whole
 from ..formats.exr_parts import Piece, assemble, join_layers, read_pieces
 from ..formats.exr_pixels import compress, drop_passes, round_passes
-from ..labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
 from ..nodes.datablocks.fingerprint import built_objects
 from ..nodes.lander.objects import ROLES
 from ..nodes.light.sun_lamp import build_sky
 from ..nodes.rig import eye_poses, lens_values, turn_about_eye
 from ..nodes.scene import Built
 from ..nodes.surface.sun_inputs import prepare_for_cycles
-from ..number_text import count_of
 from ..physics.arm.lander_solids import HEAD
 from ..physics.camera.blur import Blur, blur_of
 from ..physics.camera.stereo_camera import StereoCamera
@@ -36,7 +31,12 @@ from ..rays.stereo_truth import Stage
 from ..settings.topics.lander import WorkspaceSettings
 from ..settings.topics.rendering import QualitySettings
 from ..settings.topics.scene import Settings
+from ..support import system
+from ..support.errors import DiskError, IcyMoonError
+from ..support.files import explain_disk_errors, part_of, sha256, write_json
 from ..support.foreign_bytes import OverBudgetError
+from ..support.labels import BAKED_ERROR_PASSES, BEAUTY, IMAGE_PASS, TRUTH, rounded_passes
+from ..support.number_text import count_of
 from . import cycles_settings, hidden_pixels, passes, separate_lights, unlit
 from .baked_light import Indirect
 from .cost.estimate import count_bytes_left, pixels_of

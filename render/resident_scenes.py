@@ -9,11 +9,12 @@ from typing import Any
 
 import bpy
 
-from .. import compat, scene_properties
-from ..errors import IcyMoonError
 from ..nodes.scene import extra
+from ..settings.blender import scene_properties
 from ..settings.description import check, defaults, merged
 from ..settings.topics.scene import Settings
+from ..support.blender import compat
+from ..support.errors import IcyMoonError
 from .pairs.pair_folder import is_complete
 from .plans.planned_pair import expand_headings
 from .scene_source import ScenesFromSettings

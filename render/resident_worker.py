@@ -12,9 +12,9 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
-from ..errors import IcyMoonError
-from ..files import read_text
 from ..settings.topics.scene import typed
+from ..support.errors import IcyMoonError
+from ..support.files import read_text
 from ..support.printer import emit
 from .resident_scenes import ResidentScenes
 from .worker import run_to_exit

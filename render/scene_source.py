@@ -10,7 +10,6 @@ from typing import Self
 
 import bpy
 
-from ..errors import IcyMoonError
 from ..nodes import eyes_above_ground
 from ..nodes.ground.user_ground import cost_warnings
 from ..nodes.next_scene import adapt_scene
@@ -21,6 +20,7 @@ from ..physics.mesh.fine_relief import still_from_m
 from ..settings import changes
 from ..settings.description import digest
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
 from . import cycles_settings
 from .plans.planned_pair import PlannedPair
 from .ray_stage import RaysOfScene

@@ -8,8 +8,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ..labels import BAKED_ATTRIBUTES
 from ..physics.light import baked_texels
+from ..support.labels import BAKED_ATTRIBUTES
 from .mesh_arrays import read_corners
 
 

@@ -19,14 +19,14 @@ from typing import Any, NoReturn
 
 import bpy
 
-from .. import scene_properties
-from ..errors import DiskError, IcyMoonError
 from ..nodes import painted_errors
 from ..nodes.scene import Built, extra, find, separate_copies
+from ..settings.blender import scene_properties
 from ..settings.description import check, defaults, merged, overlaid
 from ..settings.topics.scene import Settings
+from ..support.errors import DiskError, IcyMoonError
 from ..support.printer import emit
-from ..system import end_at_interrupt
+from ..support.system import end_at_interrupt
 from . import baked_light
 from .cycles_errors import first_line
 from .pairs.pair_folder import is_complete

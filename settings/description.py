@@ -1,8 +1,8 @@
 """Descriptions: settings as plain data, ``{topic: {key: value}}``. They are checked, merged and hashed to an id here.
 
 Blender silently clamps values that are out of range. Here an unknown key, a wrong type or a value out of range raises
-:class:`~icymoon.errors.IcyMoonError`, which names the key, the value, the range and the unit. Float settings are
-rounded to single precision, as Blender stores them. So a description has the same pair id whether it comes from the
+:class:`~icymoon.support.errors.IcyMoonError`, which names the key, the value, the range and the unit. Float settings
+are rounded to single precision, as Blender stores them. So a description has the same pair id whether it comes from the
 window or from a file.
 """
 
@@ -18,12 +18,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ..errors import IcyMoonError
-from ..files import quote, shorten
 from ..plugins.landforms import PREFIX, missing_landform
-from ..suggestions import nearest
+from ..support.errors import IcyMoonError
+from ..support.files import quote, shorten
 from ..support.foreign_bytes import parse_toml
-from ..version import is_newer, version
+from ..support.suggestions import nearest
+from ..support.version import is_newer, version
 from . import pair_ids
 from .landform_releases import check_release, kept_of_missing, with_releases
 from .table import TOPICS

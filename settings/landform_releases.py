@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ..errors import IcyMoonError
-from ..file_shapes import NUMBER
 from ..plugins.landforms import PREFIX, RELEASE, missing_landform
+from ..support.errors import IcyMoonError
+from ..support.file_shapes import NUMBER
 from .table import TOPICS
 from .topics.declaration import Table
 from .topics.scene import Settings

@@ -10,10 +10,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import IcyMoonError
-from ..files import is_file, quote, shorten
-from ..suggestions import nearest
-from ..version import version
+from ..support.errors import IcyMoonError
+from ..support.files import is_file, quote, shorten
+from ..support.suggestions import nearest
+from ..support.version import version
 from .description import MIN_SIMILARITY, asking_to_update, check, merged
 from .table import TOPICS
 from .toml_text import read_toml, to_toml, toml_value

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..errors import IcyMoonError
-from ..files import read_text
 from ..plugins.landforms import PREFIX, RELEASE
+from ..support.errors import IcyMoonError
+from ..support.files import read_text
 from ..support.foreign_bytes import parse_toml, path_hint, reason_of
 from .topics.declaration import Value
 

@@ -9,12 +9,12 @@ import functools
 import hashlib
 from pathlib import Path
 
-from ..errors import IcyMoonError
-from ..files import absolute_path, sha256
 from ..formats import mesh_file, mesh_images
 from ..paper_stand_ins.items import RECIPE, items_of
 from ..physics.arm.own_arm import arm_files
 from ..physics.light.kernels import kernel_files
+from ..support.errors import IcyMoonError
+from ..support.files import absolute_path, sha256
 from ..support.foreign_bytes import reason_of
 from .table import TOPICS
 from .topics.scene import Settings

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
-from ..files import explain_disk_errors, remove_leftover_parts
-from ..system import open_regular
+from ..support.errors import IcyMoonError
+from ..support.files import explain_disk_errors, remove_leftover_parts
+from ..support.system import open_regular
 from .images import colours
 from .images.image_files import write_disparity, write_png
 from .matchers.methods import Method

@@ -9,11 +9,11 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from typing import Any
 
-from ..errors import IcyMoonError
-from ..number_text import count_of
 from ..plugins.installed import Found, find
 from ..support import printer
-from ..terminal import Parser, as_path, run_verb, show_counted_progress, show_progress
+from ..support.errors import IcyMoonError
+from ..support.number_text import count_of
+from ..support.terminal import Parser, as_path, run_verb, show_counted_progress, show_progress
 from .environment import packages
 from .export import EXPORTS
 

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DiskError, IcyMoonError, describe_error
-from ..file_shapes import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
-from ..files import write_json
 from ..physics.excavation import reach
 from ..physics.light.sky import elevation_deg
 from ..physics.random_numbers.seeds import generator
-from ..version import version
+from ..support.errors import DiskError, IcyMoonError, describe_error
+from ..support.file_shapes import FILE_NAME, NUMBER, TABLE, TEXT, Each, Maybe, Shape, read_record
+from ..support.files import write_json
+from ..support.version import version
 from .artefacts import check_output_folder, files_exist, remove_leftovers
 from .decisions import pictures
 from .decisions.arm import Scoop, find_scoop, locate, stated_joints

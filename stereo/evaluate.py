@@ -17,9 +17,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ..errors import IcyMoonError
-from ..files import read_checksum
-from ..version import version
+from ..support.errors import IcyMoonError
+from ..support.files import read_checksum
+from ..support.version import version
 from .artefacts import check_output_folder, files_exist, remove_leftovers
 from .datasets.predictions import PREDICTION, find_prediction, options_of, parse_predictions
 from .environment import packages

@@ -14,9 +14,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ..errors import IcyMoonError
 from ..render.pairs.pair_folder import find_pair_folders, has_pairs
-from ..system import lower_priority
+from ..support.errors import IcyMoonError
+from ..support.system import lower_priority
 from .artefacts import check_output_folder, remove_leftovers
 from .evaluate import Evaluation
 from .matchers.methods import Method

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import DiskError, describe_error
-from ..files import write_text
+from ..support.errors import DiskError, describe_error
+from ..support.files import write_text
 from .evaluate import Event
 from .export.layouts import middlebury_camera_text
 from .images.image_files import write_png

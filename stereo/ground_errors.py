@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import IcyMoonError
 from ..physics.camera.stereo_camera import StereoCamera
 from ..render.pairs.pair_folder import read_unchanged_pair
+from ..support.errors import IcyMoonError
 from .images.colours import ERROR, SKY_GREY, signed_colours
 from .images.disparity_and_occlusion import scene_depth
 from .images.disparity_files import read_disparity

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DiskError, describe_error
-from ..files import write_json
 from ..render.pairs.pair_folder import Pair
+from ..support.errors import DiskError, describe_error
+from ..support.files import write_json
 from .artefacts import write_method_pictures, write_pair_pictures
 from .datasets.foreign_pair import PhotographedPair
 from .datasets.predictions import PREDICTION, options_of, read_prediction

@@ -14,9 +14,9 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from ..errors import DiskError
 from ..render.workers.dask_cluster import connect
 from ..render.workers.runner import MOST_CRASHES
+from ..support.errors import DiskError
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents
 from .measure_pair import Run, Task, measure_pair

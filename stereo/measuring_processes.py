@@ -19,12 +19,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import IO, Any
 
-from ..errors import DiskError, IcyMoonError
-from ..file_shapes import TEXT, find_fault
 from ..render.workers.job import python_command
 from ..render.workers.process import clean_environment
+from ..support.errors import DiskError, IcyMoonError
+from ..support.file_shapes import TEXT, find_fault
 from ..support.foreign_bytes import parse_json
-from ..system import KEEPS_MEMORY, count_processors, kill_all, start
+from ..support.system import KEEPS_MEMORY, count_processors, kill_all, start
 from .artefacts import remove_leftovers
 from .matchers.methods import Method
 from .matchers.resident_process import stop_residents

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from ..labels import LIGHT_GROUPS
-from ..number_text import show_rounded
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ..render.pairs.pair_folder import EYES, Pair, read_unchanged_pair
 from ..settings.description import merged
 from ..settings.topics.scene import Settings
+from ..support.labels import LIGHT_GROUPS
+from ..support.number_text import show_rounded
 from .images.colours import SKY_GREY, Scale, bar, depth_scale, true_depth_picture
 from .images.develop import Images, develop, to_8_bit
 from .images.disparity_and_occlusion import scene_depth

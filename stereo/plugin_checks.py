@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ..files import sha256
 from ..plugins.check import Check, check_call, check_making, check_of
 from ..plugins.installed import Plugin
-from ..scratch import scratch_folder
 from ..settings.description import defaults
+from ..support.files import sha256
+from ..support.scratch import scratch_folder
 from .export.plug_in import ExportedPair, PluginExport
 from .matchers.plug_in import PluginMatcher
 from .measure.plug_in import MeasuredMap, PluginMetric

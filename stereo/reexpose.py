@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError, describe_error
-from ..files import write_json
-from ..labels import LIGHT_GROUPS
-from ..number_text import count_of
 from ..physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ..render.pairs.pair_folder import EYES, find_pair_folders, read_unchanged_pair
 from ..settings.description import merged
-from ..system import remove
+from ..support.errors import IcyMoonError, describe_error
+from ..support.files import write_json
+from ..support.labels import LIGHT_GROUPS
+from ..support.number_text import count_of
+from ..support.system import remove
 from .evaluate import Event
 from .images.develop import Images, develop, exposure_facts
 from .images.exr import read_light

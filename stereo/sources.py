@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from ..errors import IcyMoonError
-from ..file_shapes import FILE_NAME
-from ..files import read_checksum
 from ..physics.camera.nearest_ground import name_ground
 from ..render.pairs.pair_folder import has_pairs, read_pair
 from ..settings.description import Restorer
+from ..support.errors import IcyMoonError
+from ..support.file_shapes import FILE_NAME
+from ..support.files import read_checksum
 from .datasets.foreign_pair import ForeignPair
 from .datasets.layouts import KNOWN, FoundPair, find_foreign_pairs
 from .measure.prepare import Prepared, distinct_pairs, prepare

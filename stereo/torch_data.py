@@ -12,8 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
-from ..number_text import count_of
 from ..physics.random_numbers.seeds import generator
 from ..render.pairs.pair_folder import EYES, Pair, find_pairs
 from ..render.pairs.scene_splits import check_splits, scene_of, split_of, splits_of
@@ -21,6 +19,8 @@ from ..settings.description import check, merged
 from ..settings.preset_files import load_preset
 from ..settings.table import TOPICS
 from ..settings.topics.scene import Settings
+from ..support.errors import IcyMoonError
+from ..support.number_text import count_of
 from .images.crops import Crop, Crops, read_whole
 
 

@@ -27,8 +27,8 @@ from itertools import chain
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, TypeVar
 
-from .. import system
-from ..errors import IcyMoonError
+from . import system
+from .errors import IcyMoonError
 
 if TYPE_CHECKING:
     import numpy as np

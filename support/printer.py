@@ -17,7 +17,7 @@ from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from typing import IO, TYPE_CHECKING, Any, cast
 
-from .. import system
+from . import system
 
 if TYPE_CHECKING:
     from rich.console import Console

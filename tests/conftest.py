@@ -122,7 +122,7 @@ def scene(registered: None) -> Iterator[bpy.types.Scene]:
 @pytest.fixture
 def small(scene: bpy.types.Scene, tmp_path: Path) -> bpy.types.Scene:
     """That scene with settings that render in a moment, into a folder of the test's own."""
-    from icymoon import scene_properties
+    from icymoon.settings.blender import scene_properties
     from rendering import SMALL
 
     scene_properties.write_settings(scene.icymoon, {**SMALL, "dataset": {"folder": str(tmp_path / "dataset")}})

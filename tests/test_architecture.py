@@ -17,8 +17,7 @@ from sources import IDS, ROOT, SOURCES, tree_of
 #: The rooms from the ground up. A module imports from its own room and from those below it, wherever in the file the
 #: import stands. A room is a folder; a module at the root is a room by itself. All that is above has a place here.
 PURE = (
-    "errors", "suggestions", "number_text", "labels", "system", "support", "files", "cache", "file_shapes", "scratch",
-    "version", "bundled_wheels", "terminal", "settings/topics", "plugins",
+    "support", "settings/topics", "plugins",
     "physics/rig", "physics/random_numbers", "physics/rocks", "physics/terrain/noise", "physics/terrain/roughness",
     "physics/terrain/landforms", "physics/terrain", "physics/mesh", "physics/arm", "physics/excavation",
     "physics/surfaces", "physics/light", "physics/camera", "physics", "rays",
@@ -29,16 +28,16 @@ PURE = (
     "stereo/export", "stereo/datasets", "stereo/report", "stereo/decisions", "stereo/trade", "stereo",
     "validation/polar", "validation", "commands", "library")
 WITH_BLENDER = (
-    "compat", "scene_properties",
+    "support/blender", "settings/blender",
     "nodes/tree", "nodes/datablocks", "nodes/light", "nodes/ground", "nodes/surface", "nodes/lander", "nodes",
-    "render", "preferences", "operators", "panels", "__init__", "__main__")
+    "render", "operators", "panels", "__init__", "__main__")
 FLOORS = {room: floor for floor, room in enumerate((*PURE, *WITH_BLENDER))}
 #: What only Blender has.
 BLENDERS = {"bpy", "mathutils", "bmesh", "gpu", "bl_ui", "idprop", "_cycles", "_bpy"}
 
 
 def room_of(module: str) -> str:
-    """The room that a module such as ``physics.rocks.shapes`` or ``errors`` is in, as its folder's path."""
+    """The room that a module such as ``physics.rocks.shapes`` is in, as its folder's path."""
     path = ROOT.joinpath(*module.split(".")) if module else ROOT
     parts = module.split(".") if path.is_dir() else module.split(".")[:-1]
     return "/".join(parts) or module or "__init__"
@@ -118,7 +117,7 @@ def test_imports_go_down(path):
 
 @pytest.mark.parametrize(("module", "used"), [
     ("physics.camera.point_spread", {"stereo.trade.measure_variants", "commands.cli"}),
-    ("physics.camera.point_spread", {"settings", "settings.table"}), ("errors", {"files"}),
+    ("physics.camera.point_spread", {"settings", "settings.table"}), ("support.errors", {"settings.table"}),
     ("render.plans.order", {"render.workers.claims"}), ("nodes.scene", {"render.worker"}),
     ("stereo.measure.metrics", {"stereo.report.html"}), ("physics.light.sky", {"physics.scene_requirements"})])
 def test_an_import_upwards_is_found(module, used):
@@ -127,7 +126,8 @@ def test_an_import_upwards_is_found(module, used):
 
 @pytest.mark.parametrize(("module", "used"), [
     ("operators.trade", {"render.cost.speed", "commands.doctor"}), ("physics.light.sky", {"physics.light.bodies"}),
-    ("files", {"errors"}), ("__main__", {"commands.cli"}), ("stereo.cli", {"stereo.trade.advice", "stereo"})])
+    ("support.files", {"support.errors"}), ("__main__", {"commands.cli"}),
+    ("stereo.cli", {"stereo.trade.advice", "stereo"})])
 def test_an_import_downwards_is_none(module, used):
     assert not upward(module, used)
 
@@ -256,7 +256,7 @@ def asks_the_system(tree: ast.AST) -> list[str]:
 
 @pytest.mark.parametrize("path", SOURCES, ids=IDS)
 def test_only_system_knows_what_differs_between_systems(path):
-    if path == ROOT / "system.py":
+    if path == ROOT / "support" / "system.py":
         return
     allowed = {"ctypes"} if path == CALLS_A_LIBRARY else set()
     assert not {name.split(".")[0] for name in imported(path)} & (MODULES_OF_SYSTEMS - allowed)

@@ -10,10 +10,11 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from icymoon import bundled_wheels, preferences
-from icymoon.errors import IcyMoonError
+from icymoon.operators import preferences
 from icymoon.stereo.environment import packages
-from icymoon.version import ROOT
+from icymoon.support import bundled_wheels
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.version import ROOT
 
 HERE = f"python{sys.version_info[0]}.{sys.version_info[1]}"
 

@@ -15,10 +15,7 @@ from pathlib import Path
 from typing import IO
 
 import pytest
-from icymoon import cache, file_shapes, files, system
 from icymoon.commands.sources import read_pair_settings
-from icymoon.errors import IcyMoonError
-from icymoon.files import quote
 from icymoon.render.cost import estimate
 from icymoon.render.cost import speed as machine
 from icymoon.render.pairs.pair_folder import is_complete, read_pair, update_response
@@ -38,6 +35,9 @@ from icymoon.stereo.measure.prepare import load
 from icymoon.stereo.reexpose import reexpose
 from icymoon.stereo.report import results
 from icymoon.stereo.report.row_log import RowLog
+from icymoon.support import cache, file_shapes, files, system
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.files import quote
 from pairs import Scene, camera, write_pair
 from stated_pairs import PAIRS, whole
 
@@ -355,7 +355,7 @@ def test_a_fault_names_the_file_the_key_what_is_expected_and_the_fix():
 
 
 def test_temporary_folders_of_killed_processes_are_swept_and_no_others(tmp_path, monkeypatch):
-    from icymoon import scratch
+    from icymoon.support import scratch
 
     monkeypatch.setattr(scratch.tempfile, "tempdir", str(tmp_path))
     with scratch.scratch_folder() as mine:

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
+from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import (
     Budget,
     Cursor,
@@ -321,7 +321,7 @@ def test_random_damage_is_a_sentence_or_nothing(seed):
 
 def test_a_huge_stated_size_takes_no_memory():
     """In a process of its own, whose memory is limited: the parser must refuse before it makes room."""
-    program = ("import sys\nfrom icymoon.errors import IcyMoonError\n"
+    program = ("import sys\nfrom icymoon.support.errors import IcyMoonError\n"
                "from icymoon.support.foreign_bytes import parse_npy, parse_part\n"
                "try:\n    parse_part(sys.stdin.buffer.read(), 'a', parse_npy, 'an array', 'save it again')\n"
                "except IcyMoonError as error:\n    print(error)\n")
@@ -411,9 +411,9 @@ ALLOWED: dict[str, str] = {
     "stereo/report/html.py": "read_text: shipped with the program",
     "stereo/report/row_log.py": "open: a regular file that it appends to, line by line with a limit",
     "support/printer.py": "open: the null device",
-    "system.py": "open, read_text: what Linux states of processes; the door itself",
+    "support/system.py": "open, read_text: what Linux states of processes; the door itself",
     "validation/second_renderer.py": "np.load: arrays that our own process has just written",
-    "version.py": "read_text, tomllib.loads: shipped with the program",
+    "support/version.py": "read_text, tomllib.loads: shipped with the program",
 }
 
 

@@ -8,7 +8,7 @@ import re
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.number_text import count_of, show_place, show_rounded
+from icymoon.support.number_text import count_of, show_place, show_rounded
 from sources import IDS, SOURCES, tree_of
 
 #: Where a count of pairs, scenes or methods is two or more whenever it is printed.

@@ -13,10 +13,10 @@ import sys
 from typing import Any
 
 import pytest
-from icymoon.errors import IcyMoonError
-from icymoon.files import escape_cell
 from icymoon.support import printer
-from icymoon.terminal import Parser, report_end, run_verb, show_count, show_counted_progress, show_progress
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.files import escape_cell
+from icymoon.support.terminal import Parser, report_end, run_verb, show_count, show_counted_progress, show_progress
 from sources import IDS, ROOT, SOURCES, tree_of
 
 #: A name as a stranger may give it: clears the screen, sets the title, is markup, turns the direction, ends a line.

@@ -10,7 +10,7 @@ import tomllib
 import pytest
 from icymoon import __main__ as program
 from icymoon.stereo.environment import packages
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 from packaging.requirements import Requirement
 
 MAIN = str(ROOT / "__main__.py")

@@ -119,7 +119,7 @@ def test_nothing_is_fetched_or_installed_and_no_thread_knows_blender(path):
 
 
 def test_the_preferences_are_named_after_the_package():
-    tree = ast.parse((ROOT / "preferences.py").read_text(encoding="utf-8"))
+    tree = ast.parse((ROOT / "operators" / "preferences.py").read_text(encoding="utf-8"))
     (preferences,) = [node for node in tree.body if isinstance(node, ast.ClassDef) and any(
         ast.unparse(base).endswith("AddonPreferences") for base in node.bases)]
     assert any(ast.unparse(node) == "bl_idname = __package__" for node in preferences.body)
@@ -145,7 +145,7 @@ PROGRAM = """
         named = os.environ["ICYMOON_WHEELS"].split(os.pathsep)[1]
         assert (Path(named) / "jinja2-3.1.6.dist-info" / "LICENSE").is_file(), named
         assert not {"install_evaluator", "remove_evaluator"} & set(dir(bpy.ops.icymoon))
-        from bl_ext.user_default.icymoon import preferences
+        from bl_ext.user_default.icymoon.operators import preferences
         assert not preferences.is_evaluator_missing()
         operators, group = bpy.ops.icymoon, bpy.context.scene.icymoon
         assert operators.load_preset(preset="scenes/europa_rough_ice") == {"FINISHED"}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from icymoon.suggestions import nearest
+from icymoon.support.suggestions import nearest
 
 
 @pytest.mark.parametrize(("word", "known", "said"), [

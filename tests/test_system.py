@@ -14,7 +14,7 @@ import sysconfig
 from pathlib import Path
 
 import pytest
-from icymoon import files, system
+from icymoon.support import files, system
 
 
 @pytest.fixture
@@ -146,7 +146,7 @@ def test_an_error_that_passes_by_itself_is_waited_for_and_others_are_not(monkeyp
 def test_nobody_obeys_who_did_not_start_it(monkeypatch):
     """A pipe that ends is a wish only of who has said so."""
     monkeypatch.delenv("ICYMOON_STOP", raising=False)
-    code = ("import sys; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon import system\nimport time\n"
+    code = ("import sys; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon.support import system\nimport time\n"
             "system.obey_starter()\ntime.sleep(0.5)\nprint('there')")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=False, input="")
     assert done.stdout == "there\n"
@@ -154,7 +154,8 @@ def test_nobody_obeys_who_did_not_start_it(monkeypatch):
 
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_wish_to_stop_is_heard_also_where_a_shell_has_it_ignored(name):
-    code = ("import signal, sys; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon import system\nimport os, time\n"
+    code = ("import signal, sys; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon.support import system\n"
+            "import os, time\n"
             "signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
             "system.set_stop_handler(lambda *_: (print('heard'), sys.exit(7)))\n"
             f"os.kill(os.getpid(), signal.{name})\ntime.sleep(9)")
@@ -164,7 +165,8 @@ def test_a_wish_to_stop_is_heard_also_where_a_shell_has_it_ignored(name):
 
 def test_ctrl_c_ends_a_worker_at_once_and_is_an_exception_elsewhere():
     for name, status in (("end", -signal.SIGINT), ("raise", 3)):
-        code = ("import os, signal, sys, time; sys.path[:0] = " + repr(sys.path) + "\nfrom icymoon import system\n"
+        code = ("import os, signal, sys, time; sys.path[:0] = " + repr(sys.path) + "\n"
+                "from icymoon.support import system\n"
                 f"system.{name}_at_interrupt()\n"
                 "try:\n    os.kill(os.getpid(), signal.SIGINT); time.sleep(9)\n"
                 "except KeyboardInterrupt:\n    sys.exit(3)")
@@ -206,7 +208,7 @@ def test_every_library_that_blender_asks_of_the_desktop_is_in_the_packages():
 def test_a_worker_without_a_library_ends_with_one_sentence(tmp_path):
     """A module bpy that cannot be loaded stands in for Blender's on a bare machine."""
     (tmp_path / "bpy.py").write_text("raise ImportError('libSM.so.6: cannot open shared object file: No such file')\n")
-    done = subprocess.run([sys.executable, str(system.__file__.replace("system.py", "__main__.py")), "probe"],
+    done = subprocess.run([sys.executable, str(system.__file__.replace("support/system.py", "__main__.py")), "probe"],
                           capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": str(tmp_path)})
     message = json.loads(done.stdout.splitlines()[-1])
     assert done.returncode == 1
@@ -216,7 +218,7 @@ def test_a_worker_without_a_library_ends_with_one_sentence(tmp_path):
 
 
 def test_the_readme_names_the_same_packages():
-    page = (Path(system.__file__).parent / "README.md").read_text(encoding="utf-8")
+    page = (Path(system.__file__).parents[1] / "README.md").read_text(encoding="utf-8")
     assert all(command in " ".join(page.split()) for command in system.BLENDER_NEEDS.values())
 
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 import pytest
-from icymoon import terminal
+from icymoon.support import terminal
 
 
 def until(found: Callable[[], bool]) -> None:

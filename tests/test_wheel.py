@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pairs
 import pytest
-from icymoon.version import ROOT, version
+from icymoon.support.version import ROOT, version
 from packaging.requirements import Requirement
 
 pytestmark = pytest.mark.slow

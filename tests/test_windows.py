@@ -12,8 +12,6 @@ from pathlib import Path, PureWindowsPath
 
 import pairs
 import pytest
-from icymoon import files, system
-from icymoon.errors import IcyMoonError
 from icymoon.render.pairs.pair_folder import is_complete
 from icymoon.render.pairs.publish import publish
 from icymoon.render.plans import frozen_plan as datasets
@@ -23,7 +21,9 @@ from icymoon.render.workers.detached import Detached, find_left_running
 from icymoon.render.workers.process import Process
 from icymoon.render.workers.runner import Runner, WorkerOptions
 from icymoon.render.workers.verify import verify
-from icymoon.version import ROOT
+from icymoon.support import files, system
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.version import ROOT
 from plans import grid
 from windows import Windows, wait_until
 
@@ -196,7 +196,7 @@ def test_what_is_said_is_utf8_also_into_a_pipe(drive):
 
 
 TALKS = ("import sys; sys.path[:0] = {path!r}\n"
-         "from icymoon import system\n"
+         "from icymoon.support import system\n"
          "from icymoon.render.workers.process import emit\n"
          "import time\n"
          "system.obey_starter({at_once})\n"
@@ -292,7 +292,7 @@ def test_no_python_of_the_current_folder_is_started(layer, drive, monkeypatch):
 def test_who_is_stopped_while_a_program_runs_ends_it_and_tidies_up(drive, gone):
     """As an installation does: pip goes on for minutes, and half an environment would be taken for a whole one."""
     child = "import os, time; open(" + repr(str(drive / "pid")) + ", 'w').write(str(os.getpid())); time.sleep(600)"
-    code = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon import system\n"
+    code = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon.support import system\n"
             f"system.obey_starter()\ntry:\n    system.run([sys.executable, '-c', {child!r}])\n"
             f"finally:\n    open({str(drive / 'tidy')!r}, 'w').close()")
     process = Process([sys.executable, "-c", code])
@@ -308,7 +308,7 @@ def test_who_is_stopped_while_a_program_runs_ends_it_and_tidies_up(drive, gone):
 
 
 def test_a_call_ends_with_who_called(drive):
-    code = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon import system\n"
+    code = (f"import sys; sys.path[:0] = {sys.path!r}\nfrom icymoon.support import system\n"
             f"system.call_ours({[*talks()[:2], 'import os; print(os.getpid(), flush=True)' + chr(10) + talks()[2]]!r})")
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
     child = int(parent.stdout.readline())

@@ -12,7 +12,7 @@ import threading
 from pathlib import Path
 
 import pytest
-from icymoon import system
+from icymoon.support import system
 from windows import Windows, wait_until
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the layer asks Linux who has a file open")

@@ -20,14 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
-from ..files import write_atomically
 from ..formats.png import encode_png
 from ..render.pairs.pair_folder import Pair, is_complete, read_pair
 from ..render.plans.planned_pair import expand_headings
 from ..render.workers.job import Job, render_job
 from ..settings.topics.scene import Settings
 from ..settings.user_files import content
+from ..support.errors import IcyMoonError
+from ..support.files import write_atomically
 
 #: Verdicts of a row.
 AGREES, EXPLAINED, LIKELY, OFF = "agrees", "off, explained", "off, likely cause", "off"

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import IcyMoonError
 from ..stereo.images.image_files import write_png
 from ..stereo.images.masks import fill_polygons, overlap
+from ..support.errors import IcyMoonError
 from .comparison import Bench, Row
 from .polar.camera import Calibration, calibrate
 from .polar.data_set import (

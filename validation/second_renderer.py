@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import IcyMoonError
 from ..formats.ply import read_triangles, write_triangles
 from ..render.pairs.pair_folder import Pair
 from ..render.workers.process import clean_environment
 from ..settings.description import check, defaults, merged
 from ..settings.topics.scene import Settings
-from ..system import run
-from ..version import ROOT
+from ..support.errors import IcyMoonError
+from ..support.system import run
+from ..support.version import ROOT
 from .comparison import Bench, Comparison, Row
 
 _COLUMNS, _ROWS, _ACROSS = 160, 120, 8

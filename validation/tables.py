@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 
-from ..number_text import count_of
+from ..support.number_text import count_of
 from .comparison import AGREES, EXPLAINED, LIKELY, OFF, Comparison, Result, Row
 
 _HEADS = ("quantity", "here", "held against", "allowed", "off by", "verdict", "source")

@@ -30,7 +30,7 @@ from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.measure.metrics import depth_metrics, disparity_metrics, total_metrics
 from icymoon.stereo.trade.losses import pareto_front
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 

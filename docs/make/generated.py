@@ -8,7 +8,7 @@ from __future__ import annotations
 import figures
 import notebooks
 import reference
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 DOCS = ROOT / "docs"
 

@@ -24,7 +24,7 @@ from icymoon.settings.topics.declaration import Setting
 from icymoon.settings.topics.scene import OUR_TOPICS
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import MATCHERS
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 from mistakes import MISTAKES
 from notebooks import pages as _notebooks
 from python_api import page as _python
@@ -307,7 +307,7 @@ def _operators_of(path: Path) -> Iterator[Operator]:
 
 def _value_fields() -> Iterator[tuple[str, dict[str | None, Any]]]:
     """The properties of ``scene_properties.varied_fields``, which the list and a dialog have in common."""
-    module = ast.parse((ROOT / "scene_properties.py").read_text(encoding="utf-8"))
+    module = ast.parse((ROOT / "settings" / "blender" / "scene_properties.py").read_text(encoding="utf-8"))
     function = next(node for node in module.body if isinstance(node, ast.FunctionDef) and node.name == "varied_fields")
     made = next(node.value for node in function.body if isinstance(node, ast.Return))
     assert isinstance(made, ast.Dict)

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...labels import BAKED_ATTRIBUTES
+from ...support.labels import BAKED_ATTRIBUTES
 
 _BLOCK, _HALF = 4096, np.uint64(32)
 #: How attributes of each type are read: type of the array, name of the property, numbers for each element.

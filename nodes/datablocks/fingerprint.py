@@ -14,7 +14,7 @@ from typing import Any
 
 import bpy
 
-from ... import compat
+from ...support.blender import compat
 from .marks import Walk, hashed
 
 NAME = "Icy Moon"  # prefix of the names of everything that the builders make

@@ -14,8 +14,8 @@ from typing import Any
 
 import bpy
 
-from ... import compat
-from ...files import sha256
+from ...support.blender import compat
+from ...support.files import sha256
 from .array_marks import attributes, mark, mesh_arrays, read_property
 from .stored_properties import OF_THE_VIEW, stored_properties
 

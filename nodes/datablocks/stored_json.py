@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...file_shapes import Shape, check_record
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import Shape, check_record
 from ...support.foreign_bytes import MOST_TEXT, parse_json
 
 _FIX = "press Build Scene to build it again"

@@ -15,7 +15,6 @@ import bpy
 import numpy as np
 from mathutils import geometry
 
-from ...errors import IcyMoonError
 from ...physics.excavation import site as sites
 from ...physics.excavation.dig import Series
 from ...physics.excavation.grid import Grid
@@ -25,6 +24,7 @@ from ...physics.rocks.rocks import HeightAt
 from ...physics.terrain.terrain import Terrain
 from ...settings import changes
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
 from ..datablocks.blend_file_paths import content, with_absolute_files
 from .terrain_mesh import MeshedGround, mesh_ground
 

@@ -14,7 +14,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...formats import files_beside, gdal_lines, geotiff
 from ...formats.exr_layout import KIND as EXR
 from ...formats.exr_layout import read_layout
@@ -22,6 +21,7 @@ from ...formats.geotiff import MapPlace, Site
 from ...formats.image_size import check_pixels
 from ...formats.png import check_png
 from ...physics.mesh.height_map import NO_HEIGHT, clear_stated
+from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, RefusedError, explained, parse_npy, read
 from .import_mesh import open_scratch_scene
 

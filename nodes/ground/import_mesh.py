@@ -15,13 +15,13 @@ import addon_utils
 import bpy
 import numpy as np
 
-from ... import compat
-from ...errors import IcyMoonError
 from ...formats import ply
 from ...formats.mesh_checks import check_mesh
 from ...formats.mesh_file import detect_kind, estimate_cost
 from ...support import printer
-from ...system import bound_memory_and_time
+from ...support.blender import compat
+from ...support.errors import IcyMoonError
+from ...support.system import bound_memory_and_time
 
 #: Most triangles of a ground, with all copies of its meshes.
 _MOST_TRIANGLES = 50_000_000

@@ -14,9 +14,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...labels import FACE_ATTRIBUTE, FIRST_ROCK_INSTANCE, INSTANCE_AOV, INSTANCE_ATTRIBUTE
 from ...physics.rocks.rocks import Rocks
 from ...physics.rocks.shapes import Shape
+from ...support.labels import FACE_ATTRIBUTE, FIRST_ROCK_INSTANCE, INSTANCE_AOV, INSTANCE_ATTRIBUTE
 from ..tree.builder import Tree
 from .terrain_mesh import build_mesh_from_arrays
 

@@ -9,7 +9,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...labels import UV_LAYER
 from ...physics.mesh.fine_relief import is_carried_by_grid
 from ...physics.mesh.graded_ground import Graded, grade_ground
 from ...physics.mesh.height_surface import Surface
@@ -18,6 +17,7 @@ from ...physics.terrain.roughness.statistics import Roughness, measure, power_sp
 from ...physics.terrain.terrain import Terrain, law_range_m
 from ...settings.topics.ground import TerrainSettings
 from ...settings.topics.scene import Settings
+from ...support.labels import UV_LAYER
 
 #: Attribute: distance of vertices from their neighbours in metres, if fine relief is geometry where they carry it.
 SPACING = "icymoon_spacing"

@@ -11,11 +11,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ... import compat
-from ...errors import IcyMoonError
 from ...formats import gdal_lines, mesh_file, mesh_images
 from ...formats.geotiff import MapPlace, Site
-from ...number_text import count_of
 from ...paper_stand_ins.cached_files import find_mesh_file
 from ...physics.mesh import check, height_map, subdivide, texture_coordinates
 from ...physics.mesh.height_map import HeightMap
@@ -26,6 +23,9 @@ from ...physics.terrain.fine_detail import displace
 from ...settings.topics.ground import SourceSettings
 from ...settings.topics.scene import Settings
 from ...settings.topics.trust_boundary import NO_MARK
+from ...support.blender import compat
+from ...support.errors import IcyMoonError
+from ...support.number_text import count_of
 from ..datablocks.blend_file_paths import used_files
 from . import import_heights
 from .import_mesh import read_mesh

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from ...number_text import show_rounded
 from ...physics.arm.collisions import Heights, find_self_collisions, ground_clearances_m, lines_of
 from ...physics.arm.lander_arm import arm_of, joint_values
 from ...physics.arm.lander_solids import body_capsules
 from ...physics.mesh.mesh_heights import MeshGround
 from ...settings.topics.scene import Settings
+from ...support.number_text import show_rounded
 
 #: Margin in metres around the arm within which triangles of the ground are looked at.
 _MARGIN_M = 0.05

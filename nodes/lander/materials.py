@@ -14,9 +14,9 @@ from typing import Any
 
 import bpy
 
-from ... import compat
-from ...labels import LANDER, NORMAL_AOV
 from ...physics.arm import lander_solids as names
+from ...support.blender import compat
+from ...support.labels import LANDER, NORMAL_AOV
 from ..datablocks.fingerprint import NAME, TAG
 from ..surface.patches_and_grain import add_noise, threshold_for_share
 from ..tree.builder import Tree, output

@@ -6,7 +6,6 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ...labels import FIRST_LINK_INSTANCE
 from ...physics.arm.kinematics import forward, pose
 from ...physics.arm.lander_arm import arm_of, joint_values, solids_of
 from ...physics.arm.lander_solids import BODY, HEAD, LEGS, MAST, head_solid, pad_centres
@@ -15,6 +14,7 @@ from ...physics.arm.solids import Solid
 from ...physics.arm.urdf import MOST_LINKS
 from ...physics.light.directions import camera_axes
 from ...settings.topics.scene import Settings
+from ...support.labels import FIRST_LINK_INSTANCE
 from ..datablocks.fingerprint import NAME, TAG
 from ..ground.heights_under import probe_heights
 from ..ground.terrain_mesh import build_mesh_from_arrays

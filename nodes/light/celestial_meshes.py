@@ -14,11 +14,11 @@ import bmesh
 import bpy
 import numpy as np
 
-from ... import compat
-from ...labels import PLANET
 from ...physics.light.planetshine import Planet, disc_mesh
 from ...physics.light.saturn_rings import RingMesh
 from ...physics.light.stars import Stars
+from ...support.blender import compat
+from ...support.labels import PLANET
 from ..tree.builder import Tree, output
 from .planet_material import build_planet_material
 

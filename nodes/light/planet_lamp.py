@@ -15,9 +15,9 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from ... import compat
-from ...file_shapes import NUMBER, Each
 from ...physics.light.planetshine import Planet, ellipsoid, lit_chords, mean_direction, unshaded_share
+from ...support.blender import compat
+from ...support.file_shapes import NUMBER, Each
 from ..datablocks.stored_json import read_stored
 from ..tree.builder import Tree
 

@@ -11,7 +11,6 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ... import compat
 from ...physics.light.planet_face import (
     FACES,
     LEAST_COSINE,
@@ -23,6 +22,7 @@ from ...physics.light.planet_face import (
     spot_axes,
 )
 from ...physics.light.planetshine import Planet, ellipsoid
+from ...support.blender import compat
 from ..tree.builder import Tree, output
 
 #: Longest wavelength of the ripples of bands along a circle of latitude, in radii, and over that across it.

@@ -10,9 +10,9 @@ import bpy
 import numpy as np
 from mathutils import Vector
 
-from ... import compat
 from ...physics.light.scene_sun import SceneSun, as_it_stands, described_by
 from ...physics.light.sky import Sky
+from ...support.blender import compat
 from ..tree.builder import Tree
 
 

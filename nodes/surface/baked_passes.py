@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ...labels import BAKED_AOVS, BAKED_ATTRIBUTES, BAKED_ERROR_AOVS, BAKED_ERROR_ATTRIBUTES
+from ...support.labels import BAKED_AOVS, BAKED_ATTRIBUTES, BAKED_ERROR_AOVS, BAKED_ERROR_ATTRIBUTES
 from ..tree.builder import Tree
 from ..tree.formula import Number
 

@@ -7,11 +7,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...formats import mesh_images
 from ...formats.mesh_images import MeshImage
-from ...labels import ROCK, TERRAIN, UV_LAYER
-from ...number_text import show_rounded
 from ...paper_stand_ins.cached_files import find_texture_files
 from ...paper_stand_ins.items import describe, items_of
 from ...physics.scene_requirements import rendered_surface, surface_topics
@@ -19,6 +16,9 @@ from ...physics.surfaces import principled
 from ...physics.surfaces.textures import uses_uv
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import texture_item
+from ...support.errors import IcyMoonError
+from ...support.labels import ROCK, TERRAIN, UV_LAYER
+from ...support.number_text import show_rounded
 from ..datablocks.blend_file_paths import used_files
 from ..datablocks.fingerprint import NAME, TAG
 from ..ground.dug_ground import DEPTH

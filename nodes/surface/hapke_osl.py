@@ -15,8 +15,8 @@ from typing import Any
 
 import bpy
 
-from ... import compat
-from ...scratch import scratch_folder
+from ...support.blender import compat
+from ...support.scratch import scratch_folder
 from ..tree.builder import Tree
 
 SOURCE = Path(__file__).parent / "hapke.osl"

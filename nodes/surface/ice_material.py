@@ -9,8 +9,6 @@ from typing import Any
 
 import bpy
 
-from ... import compat
-from ...labels import NORMAL_AOV, ROCK, TERRAIN
 from ...physics.random_numbers.seeds import generator
 from ...physics.rig.focal_length import focal_px
 from ...physics.scene_requirements import only_camera_meets_relief
@@ -20,6 +18,8 @@ from ...physics.surfaces.hapke import from_settings
 from ...settings.table import TOPICS
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import HapkeSettings, SurfaceSettings
+from ...support.blender import compat
+from ...support.labels import NORMAL_AOV, ROCK, TERRAIN
 from ..tree.builder import Tree
 from ..tree.formula import Number
 from . import dug_layers, ice_layers, reflectance_laws

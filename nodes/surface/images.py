@@ -13,15 +13,15 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...formats.image_size import check_pixels, count_pixels
 from ...formats.mesh_images import MeshImage
 from ...formats.tiff import stores_floats
-from ...labels import UV_LAYER
 from ...physics.mesh import texture_coordinates
 from ...physics.surfaces.textures import SIZE, make_maps
 from ...settings.topics.surfaces import TexturesSettings
+from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, explained, parse_part, read
+from ...support.labels import UV_LAYER
 
 _KEY, _MEAN = "icymoon_key", "icymoon_mean"  # the key of an image, and the mean of its linear values
 _SHOWN, _SHOWN_MEAN = "icymoon_shown", "icymoon_shown_mean"  # mark of the part on the ground, and the mean of that part

@@ -14,9 +14,9 @@ from typing import Any
 import bpy
 import numpy as np
 
-from ...labels import FACE_ATTRIBUTE
 from ...physics.mesh.fine_relief import CARRIED, OCTAVES
 from ...settings.topics.surfaces import SurfaceSettings
+from ...support.labels import FACE_ATTRIBUTE
 from ..ground.terrain_mesh import SPACING
 from ..tree.builder import Tree, output
 from ..tree.formula import Number

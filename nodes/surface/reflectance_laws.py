@@ -26,13 +26,13 @@ from typing import Any
 
 import numpy as np
 
-from ... import compat
-from ...errors import IcyMoonError
 from ...physics.surfaces import hapke as model
 from ...physics.surfaces import snow
 from ...physics.surfaces.photometry import Law, hemispherical_fit, lunar_lambert_normal_albedo
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import HapkeSettings
+from ...support.blender import compat
+from ...support.errors import IcyMoonError
 from ..tree.builder import Tree
 from ..tree.formula import Number, Vector
 from . import hapke_nodes

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ...labels import ALBEDO_AOV
 from ...physics.surfaces import photometry
 from ...physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
+from ...support.labels import ALBEDO_AOV
 from ..tree.builder import Tree, output
 
 #: Factors on w at which the albedo of Hapke's law is computed; between them it is linear, within 0.002.

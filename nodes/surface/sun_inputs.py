@@ -14,10 +14,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from ... import compat
-from ...errors import IcyMoonError
 from ...physics.light.directions import toward
 from ...settings.topics.light import LightSettings
+from ...support.blender import compat
+from ...support.errors import IcyMoonError
 from ..datablocks.fingerprint import TAG
 from ..light.planet_lamp import MEAN, planet_inputs
 from ..light.sun_lamp import angular_diameter, irradiance_wm2

@@ -14,9 +14,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from ... import compat
-from ...labels import UV_LAYER
 from ...settings.topics.surfaces import TexturesSettings
+from ...support.blender import compat
+from ...support.labels import UV_LAYER
 from ..tree.builder import Tree, output
 from .images import Map
 

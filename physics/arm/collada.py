@@ -21,9 +21,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from ...files import shorten
-from ...number_text import count_of
+from ...support.files import shorten
 from ...support.foreign_bytes import Budget, ForeignBytes, RefusedError, parse_xml
+from ...support.number_text import count_of
 from .kinematics import pose, turn
 
 Number = TypeVar("Number", int, float)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import IcyMoonError
+from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import RefusedError, read
 from ..mesh import obj, stl
 from . import collada

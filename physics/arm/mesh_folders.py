@@ -8,7 +8,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
-from ...errors import IcyMoonError
+from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, parse_xml, read
 
 _MANIFEST = "package.xml"

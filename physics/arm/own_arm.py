@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import absolute_path, shorten
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.files import absolute_path, shorten
 from ...support.foreign_bytes import reason_of
 from .kinematics import Arm, Capsule, Joint, pose
 from .link_mesh import read_link_mesh

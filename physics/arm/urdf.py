@@ -17,8 +17,8 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import shorten
+from ...support.errors import IcyMoonError
+from ...support.files import shorten
 from ...support.foreign_bytes import ForeignBytes, parse_xml, read
 from .mesh_folders import MeshFolders
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
 from ..rig.focal_length import focal_px
 
 #: Relative difference of exposure or aperture from which on a warning is given.

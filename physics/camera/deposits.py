@@ -13,8 +13,8 @@ import math
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...settings.topics.camera import RigSettings, SensorSettings
+from ...support.errors import IcyMoonError
 from ..random_numbers.seeds import generator
 from ..rig.focal_length import focal_px
 from .sensor import EYE_STREAMS

@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...settings.topics.camera import RigSettings
+from ...support.errors import IcyMoonError
 
 COEFFICIENTS = ("k1", "k2", "p1", "p2", "k3")  # in OpenCV's order
 

@@ -12,9 +12,9 @@ from dataclasses import astuple
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
 from ..light.directions import camera_axes
 from ..rocks.beyond_patch import view_beyond
 from ..rocks.rocks import euler_matrices

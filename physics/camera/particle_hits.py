@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...settings.topics.camera import SensorSettings
+from ...support.errors import IcyMoonError
 
 MOST_HITS = 1_000_000
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...number_text import show_rounded
 from ...settings.topics.camera import RigSettings
+from ...support.number_text import show_rounded
 from ..rig.focal_length import focal_px
 
 #: Width of triangles over the camera's height up to which the depth of a plane is right to 1e-4; and how far it is off

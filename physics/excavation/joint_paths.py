@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...file_shapes import read_number_lines
-from ...files import absolute_path
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import read_number_lines
+from ...support.files import absolute_path
 from ..arm.kinematics import Arm, Joint, beyond_limits, tip_of
 from ..arm.lander_arm import arm_of, is_own
 from ..arm.own_arm import OwnArm, own_arm

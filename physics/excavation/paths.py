@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...file_shapes import read_number_lines
-from ...files import absolute_path
 from ...settings.topics.excavation import ExcavationSettings
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import read_number_lines
+from ...support.files import absolute_path
 from .cut import Pull
 
 NONE, LINE, ARC, RECORDED, JOINTS = "NONE", "LINE", "ARC", "RECORDED", "JOINTS"

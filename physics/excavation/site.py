@@ -7,10 +7,10 @@ import json
 import math
 from dataclasses import dataclass
 
-from ...errors import IcyMoonError
-from ...files import absolute_path
 from ...settings.topics.excavation import ExcavationSettings
 from ...settings.topics.scene import Settings, typed
+from ...support.errors import IcyMoonError
+from ...support.files import absolute_path
 from ..arm.lander_arm import is_own
 from .cut import Pull, bounds_of
 from .grid import Grid, covering

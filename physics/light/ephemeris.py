@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import shorten
+from ...support.errors import IcyMoonError
+from ...support.files import shorten
 from .bodies import BODIES, Orbit
 
 #: Seconds between UTC and the time that ephemerides run on; right from 2017 on, 5 s less in 2000.

@@ -11,8 +11,8 @@ import struct
 from functools import lru_cache
 from pathlib import Path
 
-from ...errors import IcyMoonError
-from ...files import shorten
+from ...support.errors import IcyMoonError
+from ...support.files import shorten
 from ...support.foreign_bytes import ForeignBytes, RefusedError, backslash_note, read, reason_of
 
 #: Largest text kernel and largest binary one, in bytes; most files of a folder.

@@ -9,9 +9,9 @@ import math
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...settings.topics.camera import RigSettings, SensorSettings
 from ...settings.topics.light import LightSettings
+from ...support.errors import IcyMoonError
 
 # CODATA 2018, exact.
 PLANCK_J_S = 6.62607015e-34

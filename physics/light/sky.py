@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import absolute_path
 from ...settings.topics.light import LightSettings
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.files import absolute_path
 from . import ephemeris, spice
 from .bodies import BODIES
 from .directions import toward

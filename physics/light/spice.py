@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
+from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import backslash_note
 from .ephemeris import Positions, date_text, local_axes, parse_date
 from .kernels import find_kernels

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...number_text import count_of
+from ...support.number_text import count_of
 
 _AXES = "XYZ"
 

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...number_text import show_rounded
 from ...settings.topics.camera import RigSettings
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
+from ...support.number_text import show_rounded
 from ..rig.focal_length import focal_px
 
 #: Octaves of fine relief, each of half the wavelength and half the height of the one before.

@@ -10,7 +10,7 @@ from array import array
 
 import numpy as np
 
-from ...files import shorten
+from ...support.files import shorten
 from ...support.foreign_bytes import LONGEST_LINE, ForeignBytes, RefusedError
 from .line_forms import Forms, UnusualError, reduced, whole_lines
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from ...files import absolute_path
 from ...settings.topics.rocks import RocksSettings
+from ...support.files import absolute_path
 from ..random_numbers.seeds import generator
 from .beyond_patch import View, draw_beyond
 from .shapes import Shape

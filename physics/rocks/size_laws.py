@@ -21,8 +21,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...settings.topics.rocks import RocksSettings
+from ...support.errors import IcyMoonError
 
 _TABLE = 8192  # nodes of Golombek's law; the trapezoidal rule is then within 1e-6
 

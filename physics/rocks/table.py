@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...file_shapes import read_number_lines
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import read_number_lines
 
 #: Columns that a table must have.
 COLUMNS = ("x_m", "y_m", "diameter_m")

@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...settings.topics.surfaces import HapkeSettings
+from ...support.errors import IcyMoonError
 
 Array = np.ndarray
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...settings.topics.ground import HillsSettings, TerrainLayer
+from ...support.errors import IcyMoonError
 from .landforms.common import Landform, only_where, smooth_step
 from .layers import MOST_OCTAVES, Layer, make_layer
 from .roughness.roughness import LAW_TO

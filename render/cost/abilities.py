@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...number_text import count_of
 from ...physics.scene_requirements import surface_topics
 from ...settings.topics.rendering import QualitySettings
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.number_text import count_of
 from ..workers.job import blender_command
 from ..workers.process import Process
 

@@ -14,9 +14,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...labels import IMAGE_PASS, NORMAL_PASS, rounded_passes
-from ...number_text import count_of
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.scene_requirements import (
     image_quality,
@@ -28,7 +25,10 @@ from ...physics.scene_requirements import (
 from ...settings import changes
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import mesh_item
-from ...system import count_processors
+from ...support.errors import IcyMoonError
+from ...support.labels import IMAGE_PASS, NORMAL_PASS, rounded_passes
+from ...support.number_text import count_of
+from ...support.system import count_processors
 from ..pairs.pair_folder import is_complete, read_pair
 from ..plans.indirect import bake_seconds, light_bytes, light_key
 from ..plans.order import MOST_SCENES, cut_into_jobs, ordered, settings_key, usual_workers

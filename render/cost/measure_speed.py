@@ -7,11 +7,11 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...file_shapes import NUMBER, TEXT, read_record
 from ...settings.description import defaults, merged
 from ...settings.topics.scene import Settings
-from ...system import count_processors
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import NUMBER, TEXT, read_record
+from ...support.system import count_processors
 from ..plans.triangles import count_triangles
 from ..workers.job import Job, render_job
 from ..workers.process import Message

@@ -12,11 +12,11 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ...cache import own_cache_folder
-from ...errors import IcyMoonError
-from ...file_shapes import COUNT, POSITIVE, TABLE, TEXT, find_fault, read_record
-from ...files import write_json
-from ...system import count_processors
+from ...support.cache import own_cache_folder
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import COUNT, POSITIVE, TABLE, TEXT, find_fault, read_record
+from ...support.files import write_json
+from ...support.system import count_processors
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ...errors import IcyMoonError
+from ...support.errors import IcyMoonError
 
 #: Mean disparity error, px: its default, least and most.
 PX, PX_LEAST, PX_MOST = 0.02, 1e-4, 10.0

@@ -11,8 +11,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...number_text import count_of
 from ...physics.light.sky import sky
 from ...physics.scene_requirements import (
     follows_walk,
@@ -27,6 +25,8 @@ from ...physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from ...physics.surfaces.photometry import hemispherical_albedo
 from ...settings.description import merged
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.number_text import count_of
 from ..plans.indirect import bake_seconds
 from .abilities import Abilities, lack_for
 from .estimate import work_of

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import write_atomically
 from ...physics.light.baked_rocks import TERMS
+from ...support.errors import IcyMoonError
+from ...support.files import write_atomically
 from ...support.foreign_bytes import ForeignBytes, parse_npz, parse_part, read_regular
 from .our_files import check_no_link
 

@@ -13,9 +13,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from ... import system
-from ...errors import IcyMoonError
-from ...files import is_of_file_manager
+from ...support import system
+from ...support.errors import IcyMoonError
+from ...support.files import is_of_file_manager
 
 #: Folder of a data set for arrays that a program gave: heights, albedos, rocks.
 INPUTS = "inputs"

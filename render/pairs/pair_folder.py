@@ -16,8 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...file_shapes import (
+from ...physics.camera.blur import is_blurred
+from ...physics.camera.stereo_camera import StereoCamera
+from ...physics.light.scene_sun import SceneSun, from_json
+from ...settings.changes import response
+from ...settings.description import Restorer, merged, restored
+from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import (
     COUNT,
     FILE_NAME,
     FLAG,
@@ -36,13 +42,7 @@ from ...file_shapes import (
     parse_json,
     reason_of,
 )
-from ...files import PART, json_text, quote, read_text, replace_if_unchanged, sha256
-from ...physics.camera.blur import is_blurred
-from ...physics.camera.stereo_camera import StereoCamera
-from ...physics.light.scene_sun import SceneSun, from_json
-from ...settings.changes import response
-from ...settings.description import Restorer, merged, restored
-from ...settings.topics.scene import Settings
+from ...support.files import PART, json_text, quote, read_text, replace_if_unchanged, sha256
 from .our_files import check_no_link, checked_id, folder_of_pairs, is_regular
 from .statements import find_contradictions
 from .workspace_cells import WORKSPACE_FILE

@@ -13,9 +13,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
-from ...errors import IcyMoonError
-from ...files import explain_disk_errors, part_of
-from ...system import flush, rename
+from ...support.errors import IcyMoonError
+from ...support.files import explain_disk_errors, part_of
+from ...support.system import flush, rename
 from .our_files import find_reason_to_keep, is_of_a_pair, remove_ours
 from .pair_folder import is_whole
 

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...files import quote
 from ...settings import pair_ids
 from ...settings.table import TOPICS
+from ...support.errors import IcyMoonError
+from ...support.files import quote
 from ...support.foreign_bytes import ForeignBytes, parse_json, parse_toml, read
 from .pair_folder import Pair
 

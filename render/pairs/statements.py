@@ -13,9 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...file_shapes import NUMBER
-from ...files import quote
 from ...physics.camera.blur import blur_of
 from ...physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ...physics.excavation.jitter import jittered_rig
@@ -23,6 +20,9 @@ from ...physics.light.directions import camera_axes, toward
 from ...physics.light.scene_sun import described_by, from_json
 from ...physics.light.sky import azimuth_deg, elevation_deg, sky, sky_facts
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import NUMBER
+from ...support.files import quote
 from .workspace_cells import describe_workspace
 
 #: Settings have eight digits, and a focal length is made of three.

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...settings.topics.lander import WorkspaceSettings
+from ...support.errors import IcyMoonError
 
 #: True heights of the workspace, float32 (2, rows, columns), north first, in metres of the site's frame: of what lies
 #: on top, and of the ground without its rocks; NaN where there is neither.

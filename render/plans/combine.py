@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from ...errors import IcyMoonError
 from ...formats.toml_lines import Place
 from ...physics import refused_scenes
 from ...physics.camera.blur import blur_identity
@@ -23,6 +22,7 @@ from ...settings.table import TOPICS, all_settings
 from ...settings.table_texts import Texts
 from ...settings.topics.scene import Settings
 from ...settings.user_files import content, used_files
+from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import backslash_note
 from . import poses, sweeps
 from .indirect import choose_indirect

@@ -13,16 +13,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...file_shapes import COUNT, TABLE, TEXT, Each, check_record
-from ...files import quote, read_text, write_text
-from ...number_text import count_of
 from ...settings.description import asking_to_update, changed, check, overlaid, restored
 from ...settings.pair_ids import counts, value_in_id
 from ...settings.table import all_settings
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import COUNT, TABLE, TEXT, Each, check_record
+from ...support.files import quote, read_text, write_text
 from ...support.foreign_bytes import parse_json, reason_of
-from ...version import version
+from ...support.number_text import count_of
+from ...support.version import version
 from ..pairs.our_files import checked_id
 from ..pairs.pair_folder import is_complete
 from .planned_pair import PlannedPair

@@ -14,7 +14,6 @@ from functools import lru_cache
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.baked_rocks import POINTS
 from ...physics.mesh.grading import grade
@@ -30,6 +29,7 @@ from ...settings.topics.camera import RigSettings
 from ...settings.topics.rendering import QualitySettings
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import mesh_item
+from ...support.errors import IcyMoonError
 from .triangles import count_triangles
 
 #: Processor seconds (2-core x86 server, Blender 5.0) of a million paths from the corners of a flat mesh, those added on

@@ -13,7 +13,7 @@ from itertools import groupby, pairwise
 from ...settings import changes
 from ...settings.topics.declaration import Parts
 from ...settings.topics.scene import Settings
-from ...system import count_processors
+from ...support.system import count_processors
 from .planned_pair import PlannedPair
 
 _STAGES: tuple[Callable[[Settings], Parts], ...] = (

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...errors import IcyMoonError
 from ...formats.toml_lines import Place
 from ...settings.table import TOPICS
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
 from . import poses
 from .sweeps import Sweep, Variation
 

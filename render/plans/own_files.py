@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
 from ...formats import mesh_images
 from ...formats.mesh_file import FORMATS
 from ...paper_stand_ins.items import items_of
 from ...settings.topics.scene import Settings
 from ...settings.topics.stand_ins import MeshItem, TextureItem
+from ...support.errors import IcyMoonError
 from .planned_pair import PlannedPair
 
 #: Images of a texture by what follows the name; the albedo is also that without anything.

@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...files import is_file, parse_path, quote
 from ...formats.toml_lines import Place
 from ...settings.description import check
 from ...settings.preset_files import PLANS, plan_names
 from ...settings.toml_text import read_toml, toml_and_text
-from ...suggestions import nearest
+from ...support.errors import IcyMoonError
+from ...support.files import is_file, parse_path, quote
 from ...support.foreign_bytes import parse_toml
+from ...support.suggestions import nearest
 from ..pairs.scene_splits import check_splits
 from . import poses, sweeps
 from .combine import MOST_GROUNDS, Combined, Design, Report, combine

@@ -11,15 +11,15 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...file_shapes import NUMBER
-from ...files import quote
 from ...formats.toml_lines import Place
-from ...number_text import count_of
 from ...physics.light.directions import toward
 from ...physics.refused_scenes import LOWEST_M
 from ...physics.terrain.sites import RockyGround
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import NUMBER
+from ...support.files import quote
+from ...support.number_text import count_of
 from .planned_pair import turned_heading_deg
 from .sweeps import Sweep, Variation, axis_generator, check_keys, check_pair_count, check_settings, read_count
 

@@ -11,9 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...file_shapes import NUMBER
-from ...files import parse_path, quote, shorten
 from ...formats.toml_lines import Place
 from ...physics.random_numbers import sampling
 from ...physics.random_numbers.seeds import generator
@@ -22,7 +19,10 @@ from ...settings.preset_files import load, preset_path
 from ...settings.table import TOPICS
 from ...settings.topics.declaration import Parts, Setting
 from ...settings.topics.scene import Settings
-from ...suggestions import nearest
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import NUMBER
+from ...support.files import parse_path, quote, shorten
+from ...support.suggestions import nearest
 
 #: Kinds of sweeps that vary settings; ``poses.KINDS`` are the others.
 KINDS = ("grid", "one_at_a_time", "cases", "random", "sobol", "latin_hypercube")

@@ -13,17 +13,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...files import shorten
 from ...formats.toml_lines import Place
-from ...number_text import count_of
 from ...settings.description import check, merged
 from ...settings.table import TOPICS, all_settings
 from ...settings.toml_text import to_toml, toml_value
 from ...settings.topics.declaration import Parts, Setting
 from ...settings.topics.scene import Settings
-from ...suggestions import nearest
-from ...version import version
+from ...support.errors import IcyMoonError
+from ...support.files import shorten
+from ...support.number_text import count_of
+from ...support.suggestions import nearest
+from ...support.version import version
 from . import sweeps
 from .combine import seeds_of
 from .planned_pair import expand_headings

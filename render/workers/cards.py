@@ -11,9 +11,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from ...errors import IcyMoonError
-from ...files import shorten
-from ...terminal import ALL
+from ...support.errors import IcyMoonError
+from ...support.files import shorten
+from ...support.terminal import ALL
 
 ENVIRONMENT = "ICYMOON_CARDS"
 #: What Cycles calls the programming interfaces of graphics cards; the first that has any card is taken.

@@ -18,9 +18,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from ... import system
-from ...file_shapes import NUMBER, PROCESS, SHA256, TEXT, Maybe, find_fault
-from ...files import PART, explain_disk_errors, find_leftover_parts, part_of, read_text, write_text
+from ...support import system
+from ...support.file_shapes import NUMBER, PROCESS, SHA256, TEXT, Maybe, find_fault
+from ...support.files import PART, explain_disk_errors, find_leftover_parts, part_of, read_text, write_text
 from ...support.foreign_bytes import parse_json
 from ..pairs.baked_file import LIGHT
 from ..pairs.our_files import folder_of_pairs, is_claim, remove_ours

@@ -13,8 +13,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...number_text import count_of
+from ...support.errors import IcyMoonError
+from ...support.number_text import count_of
 from ..pairs.pair_folder import is_complete
 from ..plans import frozen_plan as datasets
 from ..plans.order import cut_into_jobs

@@ -15,10 +15,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import IO, Any
 
-from ... import system
-from ...errors import IcyMoonError
-from ...file_shapes import NUMBER, PATH, PROCESS, TEXT, read_record
-from ...files import explain_disk_errors
+from ...support import system
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import NUMBER, PATH, PROCESS, TEXT, read_record
+from ...support.files import explain_disk_errors
 from .process import ProcessOutput
 
 #: The facts that are written about a process.

@@ -7,15 +7,15 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...file_shapes import COUNT, FLAG, PATH, TABLE, TEXT, WHOLE, Each, Maybe, read_record
-from ...files import absolute_path, explain_disk_errors
-from ...scratch import make_scratch_folder
 from ...settings.description import Restorer
 from ...settings.shared_settings import find_shared, with_shared, without_shared
 from ...settings.topics.scene import Settings
-from ...system import is_python, remove_folder
-from ...version import ROOT
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import COUNT, FLAG, PATH, TABLE, TEXT, WHOLE, Each, Maybe, read_record
+from ...support.files import absolute_path, explain_disk_errors
+from ...support.scratch import make_scratch_folder
+from ...support.system import is_python, remove_folder
+from ...support.version import ROOT
 from ..pairs.our_files import checked_id
 from ..plans.planned_pair import PlannedPair
 from .claims import Claims

@@ -11,10 +11,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...files import write_json
 from ...settings.description import Restorer
-from ...version import version
+from ...support.errors import IcyMoonError
+from ...support.files import write_json
+from ...support.version import version
 from ..pairs.pair_folder import check_pair, read_complete
 from ..plans.frozen_plan import FORMAT, PLAN, VERSION, FrozenPlan, read_frozen_plan
 

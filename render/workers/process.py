@@ -17,9 +17,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import IO, Any
 
-from ... import system
-from ...errors import IcyMoonError
-from ...file_shapes import TEXT, find_fault
+from ...support import system
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import TEXT, find_fault
 from ...support.foreign_bytes import parse_json
 from ...support.printer import emit
 

@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...file_shapes import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
-from ...number_text import count_of
 from ...settings.description import Restorer
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import FLAG, NUMBER, TABLE, TEXT, Maybe, Shape, find_fault
+from ...support.number_text import count_of
 from ..pairs.baked_file import LIGHT
 from ..pairs.our_files import check_no_link, folder_of_pair, folder_of_pairs
 from ..pairs.pair_folder import has_response, is_complete, read_complete, update_response

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...file_shapes import NUMBER, SHA256, TEXT, Each, Maybe, find_fault
+from ...support.file_shapes import NUMBER, SHA256, TEXT, Each, Maybe, find_fault
 from ..pairs import baked_file
 from ..pairs.baked_file import LIGHT, BakedLight
 from ..pairs.our_files import folder_of_pairs, is_of_a_pair, is_unfinished

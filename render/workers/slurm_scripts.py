@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...errors import IcyMoonError
-from ...files import write_text
+from ...support.errors import IcyMoonError
+from ...support.files import write_text
 from ..plans.frozen_plan import FrozenPlan
 from ..plans.order import shard
 from .job import python_command

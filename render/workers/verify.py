@@ -8,17 +8,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError, describe_error
-from ...file_shapes import FILE_NAME, SHA256, Each, find_fault
-from ...files import list_put_there, quote, read_text, sha256
 from ...formats.exr_layout import read_sizes
-from ...number_text import count_of
 from ...physics.camera.blur import blur_identity
 from ...physics.camera.stereo_camera import StereoCamera
 from ...settings.description import Restorer, digest
 from ...settings.pair_ids import counts, make_counter, value_in_id
 from ...settings.table import all_settings
+from ...support.errors import IcyMoonError, describe_error
+from ...support.file_shapes import FILE_NAME, SHA256, Each, find_fault
+from ...support.files import list_put_there, quote, read_text, sha256
 from ...support.foreign_bytes import parse_json
+from ...support.number_text import count_of
 from ..pairs.baked_file import LIGHT, parse_name
 from ..pairs.our_files import (
     INPUTS,

@@ -9,9 +9,9 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
-from ...errors import IcyMoonError
-from ...file_shapes import COUNT, NUMBER, PIXELS, POSITIVE, Maybe, read_record
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import COUNT, NUMBER, PIXELS, POSITIVE, Maybe, read_record
 from ...support.foreign_bytes import read
 from .data_files import numbers_of, read_fields
 

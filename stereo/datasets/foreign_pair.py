@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...file_shapes import FILE_NAME
-from ...files import read_checksum
 from ...physics.camera.hidden_points import is_in_frame, matching_column
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import FILE_NAME
+from ...support.files import read_checksum
 from ...support.foreign_bytes import MOST_BYTES, backslash_note
 from ..images import colours
 from ..images.disparity_and_occlusion import ESTIMATED, MASK, visible_in_right

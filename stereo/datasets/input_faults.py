@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.errors import IcyMoonError
 from ..measure.fit_check import KINDS, Fault, Places, find_fault, find_misfit, known_places
 from ..measure.metrics import usable
 from .data_files import MapFile

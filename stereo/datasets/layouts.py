@@ -18,9 +18,9 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
-from ...errors import IcyMoonError
-from ...files import list_put_there
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.errors import IcyMoonError
+from ...support.files import list_put_there
 from . import calibrations
 from .data_files import MapFile, find_inside
 from .foreign_pair import CameraReader, ForeignPair, UnusablePair, find_pair, safe_name

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from ...files import shorten
+from ...support.files import shorten
 from ...support.foreign_bytes import RefusedError
 
 #: Names of layers, passes or channels that hold a map. Then components that may hold one, the likeliest first, except

@@ -28,12 +28,12 @@ from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...file_shapes import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record
-from ...files import list_put_there
 from ...physics.camera.stereo_camera import StereoCamera
-from ...suggestions import nearest
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import FLAG, NUMBER, POSITIVE, TEXT, Kind, Maybe, check_record
+from ...support.files import list_put_there
 from ...support.foreign_bytes import parse_toml, path_hint
+from ...support.suggestions import nearest
 from .data_files import MapFile, find_inside, read_text
 from .foreign_pair import ForeignPair, UnusablePair, find_pair, safe_name
 from .visibility import Mask

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import is_of_file_manager
+from ...support.errors import IcyMoonError
+from ...support.files import is_of_file_manager
 from ..matchers import complete_options
 from ..matchers.methods import Method, describe_method
 from ..measure.costs import COSTS

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from ...errors import IcyMoonError
+from ...support.errors import IcyMoonError
 from ..images.exif import UPRIGHT
 from .data_files import read_orientation
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...physics.camera.hidden_points import find_hidden, is_in_frame, matching_column
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.errors import IcyMoonError
 from ..images.image_values import describe_size, to_grey
 from ..images.masks import overlap
 from ..measure.fit_check import KINDS, TURNS, Fault, find_fault, known_places, seen_from_other

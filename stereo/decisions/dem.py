@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...formats.geotiff import map_notes
 from ...formats.tiff_write import Place, encode_tiff
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import MOST_BYTES, ForeignBytes, RefusedError, parse_npy, read
 
 #: Least number of points for a known height of a cell: a median of fewer is no better than one flying point.

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ...number_text import count_of
+from ...support.number_text import count_of
 from ..matchers.methods import describe_method
 
 #: Fewest pairs without a fault from which a limit is computed.

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ...number_text import count_of
 from ...settings.table import TOPICS
+from ...support.number_text import count_of
 from ..images.image_files import write_png
 from ..matchers.methods import describe_method
 from .change import FEWEST_NULLS, Change, Noise, detect, find_noise, measure_change, region_cells

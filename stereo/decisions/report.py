@@ -13,10 +13,10 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from ...files import escape_cell, read_text, write_json, write_text
-from ...number_text import count_of, show_rounded
+from ...support.files import escape_cell, read_text, write_json, write_text
 from ...support.foreign_bytes import parse_toml
-from ...version import version
+from ...support.number_text import count_of, show_rounded
+from ...support.version import version
 from ..inference import typical_scene
 from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN, intervals, scene_means
 from ..matchers.methods import describe_method

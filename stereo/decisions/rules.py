@@ -7,11 +7,11 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...file_shapes import NUMBER
-from ...files import quote, read_text, shorten
-from ...suggestions import nearest
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import NUMBER
+from ...support.files import quote, read_text, shorten
 from ...support.foreign_bytes import parse_toml, reason_of
+from ...support.suggestions import nearest
 
 SHIPPED = Path(__file__).with_suffix(".toml")
 

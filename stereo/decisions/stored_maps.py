@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...file_shapes import COUNT, FILE_NAME, FLAG, NUMBER, POSITIVE, TEXT, Each, Maybe, read_record
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import COUNT, FILE_NAME, FLAG, NUMBER, POSITIVE, TEXT, Each, Maybe, read_record
 from .dem import Grid, read_cells
 
 #: Kinds of maps: the margin of a site, the slope under its disc, and the height error of the elevation model.

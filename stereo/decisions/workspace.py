@@ -11,9 +11,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...labels import LANDER
 from ...render.pairs.pair_folder import Pair
+from ...support.errors import IcyMoonError
+from ...support.labels import LANDER
 from ..images.disparity_and_occlusion import scene_depth
 from ..images.exr import read_depth
 from ..measure.by_pixel_class import MATERIAL

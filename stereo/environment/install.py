@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from ... import system
+from ...support import system
 from ...support.printer import emit
-from ...version import ROOT
+from ...support.version import ROOT
 
 #: The packages to install, one version of each. pip checks the hash of each wheel before it unpacks the wheel.
 LOCK = Path(__file__).with_name("evaluator.lock")

@@ -11,8 +11,8 @@ import sys
 from contextlib import redirect_stderr, redirect_stdout
 from typing import Any
 
-from ... import bundled_wheels
-from ...errors import IcyMoonError
+from ...support import bundled_wheels
+from ...support.errors import IcyMoonError
 
 PYTHON = (3, 11)
 

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import write_json
 from ...formats.ply import write_triangles
 from ...physics.arm.lander_arm import solids_of
 from ...physics.arm.silhouette import find_silhouette
 from ...physics.arm.solids import Solid
 from ...render.pairs.pair_folder import EYES
+from ...support.errors import IcyMoonError
+from ...support.files import write_json
 from ..images.develop import to_8_bit
 from ..images.image_files import write_png
 from ..measure.prepare import Loaded

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import write_json, write_text
 from ...formats.cahvor import cahvor_text, from_pinhole, pds_text
 from ...physics.camera.lens_distortion import coefficients
 from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
 from ...settings import changes
+from ...support.errors import IcyMoonError
+from ...support.files import write_json, write_text
 from ..images.develop import to_8_bit
 from ..images.image_files import write_png
 from ..measure.prepare import Loaded

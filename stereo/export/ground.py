@@ -19,17 +19,17 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...file_shapes import TEXT, Each, read_record
-from ...files import write_json
 from ...physics.scene_requirements import surface_topics
 from ...render.pairs.pair_folder import Pair
 from ...render.plans.planned_pair import PlannedPair
 from ...render.workers.job import Job, blender_command
 from ...render.workers.process import Message, Process
-from ...scratch import scratch_folder
 from ...settings import changes
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import TEXT, Each, read_record
+from ...support.files import write_json
+from ...support.scratch import scratch_folder
 
 _GEOMETRY = "geometry.json"
 FORMATS = ("dem", "ply", "obj", "usd", "gltf")

@@ -28,13 +28,13 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import DiskError, IcyMoonError, describe_error
-from ...files import escape_cell, write_atomically, write_json, write_text
 from ...formats.geotiff import MAP_FORMULA
-from ...labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
 from ...physics.camera.stereo_camera import StereoCamera
 from ...plugins.installed import Plugin
 from ...render.pairs.pair_folder import EYES
+from ...support.errors import DiskError, IcyMoonError, describe_error
+from ...support.files import escape_cell, write_atomically, write_json, write_text
+from ...support.labels import LANDER, NOT_SEEN, ROCK, SEMANTIC
 from ..images.develop import exposure_facts, to_8_bit
 from ..images.image_files import write_bytes, write_png
 from ..measure.prepare import Loaded, distinct_pairs, load

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from ...errors import IcyMoonError
-from ...number_text import count_of
+from ...support.errors import IcyMoonError
+from ...support.number_text import count_of
 from ..measure.prepare import Loaded
 
 #: A pair is not written if more of its true disparities than this share would be lost: the rest is not its truth.

@@ -20,8 +20,6 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import write_json, write_text
 from ...formats.geotiff import map_facts
 from ...physics.light.planetshine import VisibleCap, irradiance_wm2
 from ...physics.light.sky import Sky, sky
@@ -31,7 +29,9 @@ from ...render.plans.planned_pair import PlannedPair
 from ...render.workers.process import Message
 from ...settings.topics.scene import Settings
 from ...settings.topics.surfaces import SurfaceSettings
-from ...version import ROOT
+from ...support.errors import IcyMoonError
+from ...support.files import write_json, write_text
+from ...support.version import ROOT
 from .encodings import write_pfm
 from .ground import build_geometry, refuse_edited
 

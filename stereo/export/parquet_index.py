@@ -10,11 +10,11 @@ import os
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...files import write_atomically
 from ...render.pairs.scene_splits import split_of_pair
 from ...settings.table import all_settings
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.files import write_atomically
 from ..measure.prepare import Loaded
 from .losses import Each
 from .training import describe_row

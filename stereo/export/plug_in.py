@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...plugins.installed import Found, Plugin, explained, find, function_of, load
+from ...support.errors import IcyMoonError
 from ..measure.prepare import Loaded
 from . import EXPORTS
 from .whole_folders import filled

@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...formats.fits import Image, encode_fits
 from ...formats.tiff_write import encode_tiff
-from ...labels import LIGHT_GROUPS
 from ...physics.light.sunlight import sun_colour
 from ...render.pairs.pair_folder import EYES
+from ...support.errors import IcyMoonError
+from ...support.labels import LIGHT_GROUPS
 from ..images.develop import scaled_radiance
 from ..images.image_files import write_bytes
 from ..measure.prepare import Loaded

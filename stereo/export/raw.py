@@ -8,10 +8,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...files import write_json, write_text
 from ...physics.camera.lens_distortion import COEFFICIENTS, coefficients
 from ...physics.camera.stereo_camera import StereoCamera
 from ...render.pairs.pair_folder import EYES
+from ...support.files import write_json, write_text
 from ..images.develop import exposure_facts
 from ..images.image_files import write_npy, write_png
 from ..images.views import read_sensor_depth

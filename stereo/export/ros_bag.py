@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import explain_disk_errors, part_of
 from ...render.pairs.pair_folder import EYES
-from ...system import remove_folder, replace
+from ...support.errors import IcyMoonError
+from ...support.files import explain_disk_errors, part_of
+from ...support.system import remove_folder, replace
 from ..images.develop import to_8_bit
 from ..measure.prepare import Loaded
 from .cameras import pose_of, quaternion, rays_of

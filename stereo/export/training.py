@@ -20,13 +20,13 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import explain_disk_errors, part_of, write_json, write_text
-from ...number_text import count_of
 from ...render.pairs.pair_folder import EYES
 from ...render.pairs.scene_splits import scene_of, split_of_pair
-from ...system import remove, replace
-from ...version import version
+from ...support.errors import IcyMoonError
+from ...support.files import explain_disk_errors, part_of, write_json, write_text
+from ...support.number_text import count_of
+from ...support.system import remove, replace
+from ...support.version import version
 from ..images.develop import to_8_bit
 from ..images.image_files import encoded, write_bytes
 from ..measure.prepare import Loaded

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from ...files import explain_disk_errors, part_of
-from ...system import flush, remove_folder, replace
+from ...support.files import explain_disk_errors, part_of
+from ...support.system import flush, remove_folder, replace
 
 
 @contextmanager

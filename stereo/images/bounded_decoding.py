@@ -27,7 +27,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from ... import system
+from ...support import system
 from ...support.foreign_bytes import RefusedError, parse_json
 from .exr_header import Channel
 from .image_headers import Encoded

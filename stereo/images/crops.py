@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ...labels import GROUP_PASSES
 from ...physics.camera.sensor import exposure_of_level, metered_level
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.topics.camera import SensorSettings
 from ...settings.topics.scene import Settings
+from ...support.labels import GROUP_PASSES
 from .develop import Channels, Images, develop, grey, scaled_radiance
 from .disparity_and_occlusion import scene_depth, visible_in_right
 from .exr import NORMAL_PASSES, OBJECT_PASSES, Light, Truth, read_light, read_truth, read_view

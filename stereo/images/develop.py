@@ -9,8 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...labels import LIGHT_GROUPS
 from ...physics.camera import brackets
 from ...physics.camera.blur import developing_warnings
 from ...physics.camera.colour import can_balance, channel_rates, grey_of, mosaic, white_gains, white_rates
@@ -35,6 +33,8 @@ from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.topics.camera import SensorSettings
 from ...settings.topics.light import LightSettings
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.labels import LIGHT_GROUPS
 from .demosaic import demosaic
 from .exr import Light
 from .lens import Lens, lens_of

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...labels import PLANET
 from ...physics.camera.hidden_points import find_hidden, is_in_frame, matching_column
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.labels import PLANET
 from .exr import Truth
 
 #: Sources of the points that the other eye sees: rays that were cast when the pair was rendered, the depths of both

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import IcyMoonError
+from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import parse_npz, read
 
 _NAME = "disparity"

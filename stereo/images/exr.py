@@ -19,10 +19,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...formats.exr_layout import KIND, MOST_BYTES, check_decodable
 from ...formats.exr_pixels import decode_parts
-from ...labels import (
+from ...render.pairs.pair_folder import EYES
+from ...support.errors import IcyMoonError
+from ...support.foreign_bytes import ForeignBytes, Parsed, explained
+from ...support.foreign_bytes import read as read_foreign
+from ...support.labels import (
     BAKED_ERROR_AOVS,
     BAKED_ERROR_PASSES,
     BEAUTY,
@@ -35,10 +38,7 @@ from ...labels import (
     SKY_DEPTH_M,
     TRUTH,
 )
-from ...render.pairs.pair_folder import EYES
-from ...scratch import scratch_folder
-from ...support.foreign_bytes import ForeignBytes, Parsed, explained
-from ...support.foreign_bytes import read as read_foreign
+from ...support.scratch import scratch_folder
 from ..environment.packages import is_in_blender
 from .exr_passes import only_passes, only_rows, without_passes
 

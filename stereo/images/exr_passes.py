@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 
 from ...formats.exr_parts import Piece, assemble, keep_rows, read_pieces, strip_passing
-from ...labels import GROUP_PASSES, IMAGE_PASS
+from ...support.labels import GROUP_PASSES, IMAGE_PASS
 
 
 def only_passes(data: bytes, passes: Collection[str]) -> bytes:

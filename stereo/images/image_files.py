@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ...files import write_atomically
+from ...support.files import write_atomically
 from ...support.foreign_bytes import ForeignBytes, RefusedError, read
 from .image_headers import MOST_IMAGE_MEMORY, Encoded, check_size, parse_picture, parse_png
 

@@ -8,10 +8,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...labels import GROUP_PASSES
 from ...render.pairs.pair_folder import Pair
 from ...settings.topics.camera import RigSettings
+from ...support.errors import IcyMoonError
+from ...support.labels import GROUP_PASSES
 from . import exr
 from .disparity_and_occlusion import scene_depth
 from .exr import Light, Truth, View, read_light, read_truth, read_view

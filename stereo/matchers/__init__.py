@@ -23,11 +23,11 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...physics.camera.stereo_camera import StereoCamera
 from ...plugins.installed import Found, Plugin, find
 from ...settings.topics.trust_boundary import OWN
-from ...suggestions import nearest
+from ...support.errors import IcyMoonError
+from ...support.suggestions import nearest
 from ..images.image_values import describe_size, to_8_bit, to_grey
 from ..measure.costs import COSTS
 from .options import resolve

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import shutil
 
-from ...errors import IcyMoonError
-from ...system import split_command
+from ...support.errors import IcyMoonError
+from ...support.system import split_command
 
 
 def split_arguments(option: str, command: str, example: str) -> list[str]:

@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...physics.camera.stereo_camera import StereoCamera
-from ...scratch import scratch_folder
-from ...suggestions import nearest
-from ...system import kill_all, start
+from ...support.errors import IcyMoonError
+from ...support.scratch import scratch_folder
+from ...support.suggestions import nearest
+from ...support.system import kill_all, start
 from ..adapters.icymoon_serve import as_disparity
 from ..images.image_files import read_pfm, read_png, write_png
 from .command_lines import require_program, split_arguments

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.errors import IcyMoonError
 from . import learned
 from .options import Option
 from .result import Result

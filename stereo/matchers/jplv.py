@@ -13,8 +13,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.errors import IcyMoonError
 from . import jpl_correlator as jpl
 from .affine import refine
 from .opencv import require_room

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import parse_path, sha256
+from ...support.errors import IcyMoonError
+from ...support.files import parse_path, sha256
 from . import TITLES
 from .options import Option
 

@@ -7,9 +7,9 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from ...errors import IcyMoonError
 from ...settings.topics.trust_boundary import OWN, OWN_NAME, listed, split_option
-from ...suggestions import nearest
+from ...support.errors import IcyMoonError
+from ...support.suggestions import nearest
 from . import TITLES, check_options, matcher_names, option_keys
 
 #: Separator of the options in a label.

@@ -21,9 +21,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import parse_path, sha256
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.errors import IcyMoonError
+from ...support.files import parse_path, sha256
 from .options import Option
 from .result import Result
 

@@ -9,7 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...errors import IcyMoonError
+from ...support.errors import IcyMoonError
 from ..images.image_values import describe_size
 from . import TITLES
 from .options import Option

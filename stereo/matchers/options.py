@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...errors import IcyMoonError
-from ...files import quote
 from ...settings.topics.trust_boundary import LOADS
-from ...suggestions import nearest
+from ...support.errors import IcyMoonError
+from ...support.files import quote
+from ...support.suggestions import nearest
 
 
 @dataclass(frozen=True)

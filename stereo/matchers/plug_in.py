@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...physics.camera.stereo_camera import StereoCamera
 from ...plugins.installed import Plugin, explained, function_of, load, source_files, summary_of
 from ...settings.topics.trust_boundary import LOADS
+from ...support.errors import IcyMoonError
 from .opencv import SEARCH_RANGE, settle_range
 from .options import Option
 from .result import Result

@@ -28,13 +28,13 @@ from typing import IO, Any
 
 import numpy as np
 
-from ... import system
-from ...errors import IcyMoonError
-from ...file_shapes import NUMBER
 from ...physics.camera.stereo_camera import StereoCamera
-from ...scratch import make_scratch_folder
+from ...support import system
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import NUMBER
 from ...support.foreign_bytes import parse_json
 from ...support.printer import show_controls
+from ...support.scratch import make_scratch_folder
 from ..adapters.icymoon_serve import PROTOCOL, as_disparity
 from ..measure.costs import COSTS
 from .result import Result

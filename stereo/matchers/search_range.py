@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...physics.camera.nearest_ground import greatest_disparity_px
 from ...physics.camera.search_range import disparity_range_px
 from ...physics.rig.focal_length import focal_px
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
 
 AUTO, TRUTH = "auto", "truth"
 #: Values of ``SearchRange.source``, which tells the reader of a result where the range comes from.

@@ -9,8 +9,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.errors import IcyMoonError
 from .opencv import SEARCH_RANGE, SUBPIXELS, extended, inside_right, require_room, run_matcher, settle_range
 from .options import Option
 from .result import Result

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import parse_path
 from ...physics.camera.stereo_camera import StereoCamera
+from ...support.errors import IcyMoonError
+from ...support.files import parse_path
 from .command_lines import require_program
 from .options import Option
 from .resident import LIMITS

@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ...labels import LANDER, ROCK, TERRAIN
+from ...support.labels import LANDER, ROCK, TERRAIN
 from .metrics import usable
 
 #: Sums over the pixels of a class: the number with a true depth; the number of these that are measured; over the

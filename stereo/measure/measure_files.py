@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...physics.random_numbers.seeds import generator
+from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import ForeignBytes, RefusedError, parse_npy, parse_npz, read
 from .depth_order import depth_order_disagreement, sampled_disagreement
 from .guiss_reference_code import depth_map_metrics, reference_metrics

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
-from ...files import read_checksum
 from ...plugins.installed import Found, Plugin, explained, find, function_of, load, source_files, summary_of
+from ...support.errors import IcyMoonError
+from ...support.files import read_checksum
 from .metrics import usable
 from .prepare import Prepared, none_for_nan
 from .result_row import NUMBERS, depth_of

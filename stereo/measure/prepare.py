@@ -11,14 +11,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...formats.geotiff import map_facts
-from ...labels import BAKED_ERROR_PASSES, GROUP_PASSES, LIGHT_GROUPS, NOT_SEEN
 from ...physics.camera.stereo_camera import StereoCamera
 from ...physics.light.photons import pixel_pitch_m
 from ...render.pairs.pair_folder import EYES, Pair, find_pair_folders, read_pair, read_unchanged_pair
 from ...settings.description import merged
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
+from ...support.labels import BAKED_ERROR_PASSES, GROUP_PASSES, LIGHT_GROUPS, NOT_SEEN
 from ..images import colours
 from ..images.develop import Channels, Images, develop, exposure_facts, grey, scaled_radiance
 from ..images.disparity_and_occlusion import ESTIMATED, RAYS, scene_depth

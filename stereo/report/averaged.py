@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...number_text import count_of
+from ...support.number_text import count_of
 from .by_setting import POSES, SCENE, Sweep
 from .summary import Table
 

@@ -17,9 +17,9 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from ...files import write_text
-from ...number_text import count_of
 from ...settings.toml_text import to_toml
+from ...support.files import write_text
+from ...support.number_text import count_of
 from ..images import colours
 from ..inference.scene_means import FEWEST_FOR_MEAN
 from ..matchers.methods import Method, describe_method

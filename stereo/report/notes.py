@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...file_shapes import COUNT, NUMBER, TEXT, Maybe, Shape
-from ...number_text import count_of, show_rounded
+from ...support.file_shapes import COUNT, NUMBER, TEXT, Maybe, Shape
+from ...support.number_text import count_of, show_rounded
 from ..images.disparity_and_occlusion import ESTIMATED
 from ..matchers.methods import Method, describe_method
 from ..matchers.search_range import FIXED, MISSED, STATED, TRUTH

@@ -7,7 +7,7 @@ from typing import Any
 
 import jinja2
 
-from ...number_text import count_of
+from ...support.number_text import count_of
 from ...support.printer import show_lines
 from ..matchers.methods import describe_method
 

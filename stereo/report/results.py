@@ -10,10 +10,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TextIO
 
-from ...errors import IcyMoonError
-from ...file_shapes import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
-from ...files import escape_cell, write_atomically, write_json
 from ...settings.shared_settings import find_shared, without_shared
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
+from ...support.files import escape_cell, write_atomically, write_json
 from ..datasets.predictions import options_of
 from ..environment import packages
 from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN

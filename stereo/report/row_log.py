@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from ...errors import IcyMoonError
-from ...file_shapes import FILE_NAME, TEXT, Shape, find_fault
-from ...files import explain_disk_errors, write_atomically
+from ...support.errors import IcyMoonError
+from ...support.file_shapes import FILE_NAME, TEXT, Shape, find_fault
+from ...support.files import explain_disk_errors, write_atomically
 from ...support.foreign_bytes import parse_json
-from ...system import flush_handle
+from ...support.system import flush_handle
 
 Row = dict[str, Any]
 #: Bytes of the longest row that is read. Those with all metrics have some 10 kB.

@@ -16,9 +16,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex, to_rgb
 
-from ...files import write_atomically
-from ...number_text import count_of
 from ...settings.table import TOPICS
+from ...support.files import write_atomically
+from ...support.number_text import count_of
 from .averaged import averaged_over
 from .by_setting import SCENE, Sweep, decided_by_noise, mean_by_level
 from .charts import (

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...files import explain_disk_errors, write_text
 from ...render.cost.tolerance import Tolerance, all_hold
 from ...render.cost.variants import Variant, candidates, leaner_settings, reference
 from ...settings.description import changed, merged
 from ...settings.toml_text import to_toml
-from ...system import remove
+from ...support.files import explain_disk_errors, write_text
+from ...support.system import remove
 from ..environment import packages
 from .measure_variants import Bench, RenderCounter, check_abilities, render_all, render_once
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...render.cost.tolerance import all_hold
+from ...support.errors import IcyMoonError
 from ..decisions.rules import Rules
 from ..decisions.scores import score_sites
 from ..decisions.sites import Sites

@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...physics.scene_requirements import images_per_bake
 from ...render.pairs.pair_folder import EYES, Pair
 from ...settings.description import merged
 from ...settings.topics.scene import Settings
+from ...support.errors import IcyMoonError
 from ..decisions.rules import Rules
 from ..images.develop import develop, grey
 from ..images.exr import Light

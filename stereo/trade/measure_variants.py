@@ -13,14 +13,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from ...errors import IcyMoonError
 from ...render.cost.abilities import Abilities, ask_abilities, lack_for
 from ...render.cost.variants import GROUPS, SHAPES, Variant, reference, variants
 from ...render.workers.job import Job, render_job
 from ...render.workers.process import Message
 from ...settings.description import changed, defaults, merged
 from ...settings.topics.scene import Settings
-from ...version import version
+from ...support.errors import IcyMoonError
+from ...support.version import version
 from ..environment import packages
 
 #: Folders of the renders, by ``quality.files``: full and compact files of the same render have the same id.

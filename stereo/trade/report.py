@@ -13,8 +13,8 @@ import matplotlib
 import numpy as np
 from matplotlib.ticker import FuncFormatter
 
-from ...files import write_json, write_text
 from ...render.cost.variants import SHAPES
+from ...support.files import write_json, write_text
 from ..matchers.methods import describe_method
 from ..report.charts import COLOURS, STYLE, add_legend, make_figure, render_svg, set_logarithmic
 from ..report.pages import read_template

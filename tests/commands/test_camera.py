@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from icymoon.commands.camera import read_rig
 from icymoon.commands.cli import main
-from icymoon.errors import IcyMoonError
 from icymoon.formats.cahvor import cahvor_text, from_pinhole, pds_text
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.settings.description import defaults, merged
+from icymoon.support.errors import IcyMoonError
 
 RIG = merged(defaults(), {"rig": {"width_px": 640, "height_px": 480, "baseline_m": 0.3, "principal_x_px": 3.0,
                                   "distortion_k1": -0.125, "distortion_k2": 0.03125}}).rig

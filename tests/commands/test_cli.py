@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from icymoon.commands.cli import main
 from icymoon.render.cost.variants import GROUPS
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 
 def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:

@@ -212,7 +212,7 @@ def test_a_shortage_of_memory_names_what_is_large(place, part, word):
 @pytest.mark.parametrize("words", [["presets"], ["stereo", "check"], ["plan", "guiss_terrains", "--dry-run"]], ids=str)
 def test_ctrl_c_while_modules_load_is_quiet(words):
     """At moments of the start, once Python has begun with our code: a sentence at most, and a status that says it."""
-    for module in ("icymoon.system", "numpy", "numpy.linalg", "icymoon.errors", "argparse"):
+    for module in ("icymoon.support.system", "numpy", "numpy.linalg", "icymoon.support.errors", "argparse"):
         done = subprocess.run([sys.executable, "-c", INTERRUPTED, module, *words], capture_output=True, text=True,
                               timeout=120, check=False)
         assert done.returncode in (130, -signal.SIGINT), (module, done.stderr[-300:])

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 from icymoon.commands.sources import BY_HAND, DEFAULT, find_origins
-from icymoon.errors import IcyMoonError
 from icymoon.settings import description, preset_files, toml_text
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.errors import IcyMoonError
 
 
 def described(*presets: str, **changes: dict) -> Settings:

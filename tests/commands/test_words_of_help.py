@@ -8,9 +8,9 @@ import re
 
 import numpy as np
 from icymoon.commands import cli, run_validation
-from icymoon.errors import IcyMoonError
 from icymoon.render.workers.cards import ALL_CARDS, ENVIRONMENT, choose_cards
 from icymoon.stereo import cli as stereo
+from icymoon.support.errors import IcyMoonError
 from pairs import write_pair
 
 #: Words of help that stand for what happens without the option; beside numbers they are no value.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 from plugin_packages import examples, install_project, write_from_page
 
 

@@ -15,7 +15,7 @@ from icymoon.plugins.installed import GROUPS
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import preset_files
 from icymoon.stereo.datasets.plain_folder import parse_pairs_toml
-from icymoon.version import ROOT, version
+from icymoon.support.version import ROOT, version
 from sources import SOURCES
 
 import commands

@@ -6,7 +6,7 @@ import re
 
 import pytest
 from icymoon.render.plans import plan_file, poses, sweeps
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 TEXT = (ROOT / "docs" / "datasets.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```toml\n(# .*?)```", TEXT, re.DOTALL)

@@ -7,7 +7,7 @@ import sys
 
 import manual
 import pytest
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 sys.path.insert(0, str(ROOT / "docs" / "make"))
 import notebooks

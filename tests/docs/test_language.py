@@ -14,7 +14,7 @@ import manual
 import pytest
 from icymoon.settings.table import TOPICS
 from icymoon.settings.toml_text import read_toml
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 from sources import SOURCES, tree_of
 
 #: A row of the glossary: its word, its meaning, the words that are not used for it.

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 pytest.importorskip("mkdocs", reason="`make docs` and `make test` install MkDocs")
 pytest.importorskip("latex2mathml")

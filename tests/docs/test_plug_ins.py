@@ -9,7 +9,7 @@ import sys
 import pytest
 from icymoon.commands.check_plugin import find_all
 from icymoon.commands.cli import main
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 from plugin_packages import add_package, examples
 
 PAGE = (ROOT / "docs" / "howto" / "plug-ins.md").read_text(encoding="utf-8")

@@ -7,8 +7,8 @@ import uuid
 from pathlib import Path
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats import asset_library
+from icymoon.support.errors import IcyMoonError
 
 
 @pytest.fixture

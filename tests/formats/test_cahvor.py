@@ -14,10 +14,10 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats.cahvor import Cahvor, cahvor_text, from_pinhole, nearest_lens, pds_text, read_model
 from icymoon.physics.camera.lens_distortion import distort
-from icymoon.version import ROOT
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.version import ROOT
 
 GOLDEN = json.loads((ROOT / "tests" / "data" / "mrcal.json").read_text(encoding="utf-8"))
 TO_WORLD, CENTRE = np.array(GOLDEN["R"]), np.array(GOLDEN["t"])

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats import files_beside, gdal_lines, geotiff
 from icymoon.formats.geotiff import Site
 from icymoon.nodes.ground.import_heights import read_heights
 from icymoon.nodes.ground.user_ground import kind_of
+from icymoon.support.errors import IcyMoonError
 from tiffs import write_tiff
 
 rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")

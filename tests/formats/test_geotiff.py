@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats import geotiff, tiff
+from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import Budget, ForeignBytes
 from tiffs import write_tiff
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from icymoon.formats.exr_parts import assemble, read_pieces
 from icymoon.formats.exr_pixels import Pixels, decode_parts, drop_passes, encode_part, round_passes
-from icymoon.labels import ROUNDED
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.labels import ROUNDED
 
 #: The largest has all passes.
 FILE = max((Path(__file__).parent.parent / "data" / "v0_1_0" / "dataset" / "pairs").glob("*/left.exr"),

@@ -12,11 +12,11 @@ import OpenEXR
 import pytest
 from bounded import run_bounded
 from exr_files import attribute, channel, exr, one_chunk_named_often, window
-from icymoon.errors import IcyMoonError
 from icymoon.formats.exr_layout import check_decodable, is_whole, read_layout
 from icymoon.formats.exr_parts import assemble, read_pieces, strip_passing
 from icymoon.formats.exr_pixels import Pixels, decode_parts
 from icymoon.stereo.images.exr import read_depth, read_light, read_view
+from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import Budget, ForeignBytes, OverBudgetError, parse_part
 
 REFUSED = (ValueError, KeyError, OverBudgetError)
@@ -165,7 +165,7 @@ def test_one_chunk_that_is_named_often_takes_no_memory(tmp_path, act):
     one_chunk_named_often(tmp_path / "often.exr")
     ended = run_bounded(f"""
 from pathlib import Path
-from icymoon.errors import IcyMoonError
+from icymoon.support.errors import IcyMoonError
 from icymoon.formats.exr_layout import is_whole
 from icymoon.formats.exr_pixels import decode_parts
 from icymoon.stereo.images.exr import read_depth, read_light, read_view

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bounded import run_bounded
-from icymoon.errors import IcyMoonError
 from icymoon.formats import geotiff, tiff
 from icymoon.stereo.datasets.data_files import MapFile, read_map
+from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import Budget, ForeignBytes
 from tiffs import write_tiff
 
@@ -179,7 +179,7 @@ def test_little_memory_and_time_is_taken(tmp_path, make):
     path = make(tmp_path / "a.tif")
     ended = run_bounded(f"""
 from pathlib import Path
-from icymoon.errors import IcyMoonError
+from icymoon.support.errors import IcyMoonError
 from icymoon.formats.geotiff import read
 from icymoon.formats.tiff import stores_floats
 from icymoon.stereo.datasets.data_files import MapFile, read_map

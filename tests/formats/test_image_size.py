@@ -11,9 +11,9 @@ import numpy as np
 import OpenEXR
 import pytest
 from exr_files import attribute, exr, window
-from icymoon.errors import IcyMoonError
 from icymoon.formats.image_size import check_pixels, count_pixels
 from icymoon.formats.png import check_png, encode_png
+from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import Budget, ForeignBytes, OverBudgetError, RefusedError, parse_part
 from tiffs import write_tiff
 

@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 
 import pytest
 from icymoon.formats.markdown import formulas, page_html
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 PAGES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs").rglob("*.md"))
 _KINDS = ("h1", "h2", "h3", "h4", "pre", "td", "th", "li", "code", "a")

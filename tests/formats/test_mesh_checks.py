@@ -14,12 +14,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats import mesh_file, mesh_images, ply
 from icymoon.formats.mesh_checks import check_mesh
 from icymoon.formats.mesh_file import FORMATS
 from icymoon.physics.mesh import obj, stl
 from icymoon.physics.mesh.line_forms import Forms, UnusualError
+from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import ForeignBytes
 
 pytestmark = pytest.mark.timeout(30)

@@ -6,9 +6,9 @@ import json
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats import placed_meshes
 from icymoon.formats.placed_meshes import PlacedMesh, write_gltf, write_obj, write_ply, write_usd
+from icymoon.support.errors import IcyMoonError
 from mesh_rays import read_mesh
 
 #: A tetrahedron that no turn maps to itself, and its outward triangles.

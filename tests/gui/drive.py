@@ -120,7 +120,8 @@ def heights() -> list[float]:
 def shown() -> bool:
     """Whether what is built shows the settings, be it coarsely."""
     preview, description = module("nodes.preview"), module("settings.description")
-    there, wanted = module("nodes.scene").find(window().scene), module("scene_properties").read_settings(settings())
+    there, wanted = module("nodes.scene").find(window().scene), (
+        module("settings.blender.scene_properties").read_settings(settings()))
     before = description.merged(there.settings, there.preview)
     return (not there.edited and preview.geometry(before) == preview.geometry(wanted)
             and before["light"] == wanted["light"])
@@ -696,7 +697,7 @@ def drag_an_asset() -> Waiting:
     yield from until(lambda: cube.data.materials and cube.data.materials[0].name == "Rough ice", "Dropping a surface")
     yield from screenshot("asset_dropped")
     check(bpy.ops.icymoon.remove_asset_library() == {"FINISHED"}, "the asset library is not removed")
-    check(not module("preferences").find_asset_libraries(), "the removed asset library is listed")
+    check(not module("operators.preferences").find_asset_libraries(), "the removed asset library is listed")
     bpy.data.objects.remove(cube)
     with bpy.context.temp_override(window=window(), area=browser):
         bpy.ops.screen.area_close()
@@ -714,7 +715,7 @@ def choose_by_picture() -> Waiting:
     take_a_step()
 
     def now() -> tuple[object, bool]:
-        return module("scene_properties").read_settings(settings()), built()
+        return module("settings.blender.scene_properties").read_settings(settings()), built()
 
     before = now()
     for where in ("where the picture was clicked", "in the view"):
@@ -746,7 +747,7 @@ def undo_by_key() -> Waiting:
     take_a_step()
 
     def state() -> object:
-        read = module("scene_properties")
+        read = module("settings.blender.scene_properties")
         return (read.read_settings(settings()), read.read_variations(settings()),
                 sorted(item.name for item in bpy.data.objects))
 

@@ -132,7 +132,7 @@ def built() -> None:
         "briefs": ["Noise of the render decides the result"],
         "provenance": {"created": "2038-06-01T12:00:00+00:00"}}))
     module("operators.results").keep_results(
-        bpy.context.scene, "SCENE", module("scene_properties").read_settings(settings()), ["0" * 12])
+        bpy.context.scene, "SCENE", module("settings.blender.scene_properties").read_settings(settings()), ["0" * 12])
     module("operators.dataset").readout.update(plan=settings().dataset.plan, lines=[
         "12 pairs", "about 3 min and 40 MB on another machine with 1 process"])
     jobs = module("operators.jobs")

@@ -26,7 +26,7 @@ from icymoon.physics.rocks.table import read_table
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.topics.scene import Settings
 from icymoon.settings.user_files import content
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 SMALL: Any = {"rig": {"width_px": 64, "height_px": 48}, "terrain": {"resolution": 33, "size_m": 20.0},
               "mesh": {"kind": "GRID"}, "quality": {"samples": 2, "threads": 1}}

@@ -8,14 +8,15 @@ import bpy
 import numpy as np
 import pytest
 from built_scenes import everything, positions
-from icymoon import compat, scene_properties
-from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
 from icymoon.nodes import scene_objects
 from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint
 from icymoon.nodes.tree.builder import Tree
 from icymoon.physics.light.directions import toward
 from icymoon.settings import description, preset_files
+from icymoon.settings.blender import scene_properties
+from icymoon.support.blender import compat
+from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene
 
 

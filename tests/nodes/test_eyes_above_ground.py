@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import bpy
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.nodes import eyes_above_ground
 from icymoon.nodes import scene as scenes
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.plans.planned_pair import PlannedPair, expand_headings
 from icymoon.render.scene_source import ScenesFromSettings
 from icymoon.render.worker import render_from, render_pairs
+from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene
 
 #: The right eye is 36 mm under the ground, and rendered black.

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from bounded import run_bounded
 from exr_files import attribute, channel, exr, window
-from icymoon.errors import IcyMoonError
 from icymoon.nodes.ground.import_heights import read_heights
 from icymoon.nodes.surface.images import load_maps
 from icymoon.settings.topics.surfaces import TexturesSettings
+from icymoon.support.errors import IcyMoonError
 from rendering import complete
 
 
@@ -120,7 +120,7 @@ from pathlib import Path
 import icymoon.nodes.ground.import_heights as heights
 import resource
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-from icymoon.errors import IcyMoonError
+from icymoon.support.errors import IcyMoonError
 try:
     heights.read_heights(Path({str(path)!r}))
 except IcyMoonError:

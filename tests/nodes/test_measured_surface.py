@@ -5,12 +5,12 @@ import bpy
 import numpy as np
 import pytest
 from evaluations import evaluated
-from icymoon.errors import IcyMoonError
 from icymoon.formats import ply
 from icymoon.nodes import measured_surface
 from icymoon.operators import results
 from icymoon.stereo.export.points import write_points
 from icymoon.stereo.measure.prepare import prepare
+from icymoon.support.errors import IcyMoonError
 from mathutils import Vector
 from mathutils.bvhtree import BVHTree
 from rendering import render

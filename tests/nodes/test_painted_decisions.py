@@ -8,19 +8,19 @@ from dataclasses import replace
 import bpy
 import numpy as np
 import pytest
-from icymoon import scene_properties
-from icymoon.errors import IcyMoonError
 from icymoon.nodes import painted_decisions, painted_errors
 from icymoon.nodes.datablocks.array_marks import read_property
 from icymoon.nodes.datablocks.fingerprint import instanced_objects, parts
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
+from icymoon.settings.blender import scene_properties
 from icymoon.stereo.decide import decide_pairs
 from icymoon.stereo.decisions.dem import Grid
 from icymoon.stereo.decisions.map_colours import colour_cells
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.stored_maps import HEIGHT_ERROR, SLOPE, SUITABILITY, StoredMap, read_map
 from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.support.errors import IcyMoonError
 from rendering import render
 
 SCENE = {"rig": {"width_px": 160, "height_px": 120}, "terrain": {"resolution": 257, "size_m": 8.0},

@@ -6,17 +6,17 @@ import bpy
 import numpy as np
 import pytest
 from evaluations import evaluated
-from icymoon import scene_properties
-from icymoon.errors import IcyMoonError
 from icymoon.nodes import painted_errors
 from icymoon.nodes.datablocks.array_marks import read_property
 from icymoon.nodes.datablocks.fingerprint import instanced_objects, parts
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
+from icymoon.settings.blender import scene_properties
 from icymoon.stereo.ground_errors import COARSE, MEASURED, MISSING, UNSEEN, read_depth_errors
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.images.image_files import write_disparity
 from icymoon.stereo.measure.prepare import prepare
+from icymoon.support.errors import IcyMoonError
 from mathutils import Vector
 from rendering import render
 

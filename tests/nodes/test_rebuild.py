@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from built_scenes import everything, positions
 from edits import EDITS, TINY, populate
-from icymoon import scene_properties
-from icymoon.errors import IcyMoonError
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, parts
 from icymoon.operators import live_preview, render
 from icymoon.settings import description
+from icymoon.settings.blender import scene_properties
+from icymoon.support.errors import IcyMoonError
 from rendering import SMALL, complete, empty_scene
 
 ROUGHER: dict[str, Any] = {**TINY, "terrain": {"resolution": 9, "rms_slope_deg": 30.0}}

@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 import stability
-from icymoon import compat
 from icymoon.render.pairs.pair_folder import EYES
+from icymoon.support.blender import compat
 
 TABLE = json.loads(stability.TABLE.read_text(encoding="utf-8"))
 #: By Blender and scene: how far the mean radiance is off the table's, relative, and the regions' beside the noise.

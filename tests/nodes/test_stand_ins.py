@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon import cache
 from icymoon.nodes import scene as scenes
 from icymoon.paper_stand_ins import cached_files
 from icymoon.paper_stand_ins.reconstructions import Reconstruction
 from icymoon.paper_stand_ins.texture_maps import make_maps
 from icymoon.settings.topics.stand_ins import texture_item
+from icymoon.support import cache
 from rendering import complete, empty_scene
 
 

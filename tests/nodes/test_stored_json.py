@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import bpy
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.built_scene import EXCAVATION, FINGERPRINT, GROUND, NOTES, PREVIEW, SETTINGS, STATISTICS
 from icymoon.operators.user_render import NOTE, restore_render
+from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene
 
 HOSTILE = ["", "[", "{", "[" * 10**5, '{"a":' * 10**5, "1" * 5000, '{"a": NaN}', '{"a": 1e999}', "3", "null",

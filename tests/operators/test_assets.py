@@ -8,9 +8,8 @@ from pathlib import Path
 
 import bpy
 import pytest
-from icymoon import preferences
 from icymoon.formats import asset_library
-from icymoon.operators import assets
+from icymoon.operators import assets, preferences
 
 #: Stands in for the Blender that makes the library: installs a file and reports it, as ``render.asset_worker`` does.
 WORKER = """

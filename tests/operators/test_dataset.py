@@ -10,9 +10,9 @@ from typing import Any
 
 import bpy
 import pytest
-from icymoon.files import PART
 from icymoon.operators import dataset, jobs, results
 from icymoon.render.pairs.pair_folder import find_pairs
+from icymoon.support.files import PART
 from stand_ins import stand_in
 
 TINY = """

@@ -6,10 +6,9 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from icymoon import preferences
-from icymoon.errors import IcyMoonError
-from icymoon.operators import install_evaluator
-from icymoon.system import venv_python
+from icymoon.operators import install_evaluator, preferences
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.system import venv_python
 from stand_ins import stand_in
 
 

@@ -9,8 +9,6 @@ import bpy
 import numpy as np
 import pytest
 from built_scenes import everything, positions
-from icymoon import scene_properties
-from icymoon.errors import IcyMoonError
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint, parts
@@ -19,7 +17,9 @@ from icymoon.operators.render import bring_up_to_date, planned_pairs
 from icymoon.panels import sidebar
 from icymoon.render.worker import render_pairs
 from icymoon.settings import change_announcements, description
+from icymoon.settings.blender import scene_properties
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.errors import IcyMoonError
 from panel_drawing import drawn, texts
 
 SIDE = 33

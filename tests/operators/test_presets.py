@@ -5,15 +5,15 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
-from icymoon import scene_properties
-from icymoon.errors import IcyMoonError
 from icymoon.nodes.scene import find_collection
 from icymoon.operators import live_preview, presets
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import previews, sidebar
 from icymoon.settings import description, preset_files, toml_text
+from icymoon.settings.blender import scene_properties
 from icymoon.settings.description import merged
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.errors import IcyMoonError
 from panel_drawing import drawn, texts
 
 NEWER = "9.0.0"

@@ -8,7 +8,6 @@ import bpy
 import numpy as np
 import pytest
 from built_scenes import positions
-from icymoon import scene_properties
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import parts
@@ -17,6 +16,7 @@ from icymoon.operators.render import bring_up_to_date
 from icymoon.operators.sidebar_text import plain
 from icymoon.panels import previews
 from icymoon.settings import description, preset_files
+from icymoon.settings.blender import scene_properties
 
 RIDGES, ROCKS = "scenes/europa_ridged_plain", "scenes/enceladus_block_field"
 

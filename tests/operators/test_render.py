@@ -10,12 +10,12 @@ from typing import Any
 
 import bpy
 import pytest
-from icymoon import scene_properties
-from icymoon.files import sha256
 from icymoon.operators import render
 from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.render.workers.job import Job, blender_command, read_job
+from icymoon.settings.blender import scene_properties
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.files import sha256
 
 
 @pytest.fixture

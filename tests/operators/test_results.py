@@ -8,13 +8,13 @@ import webbrowser
 import bpy
 import pytest
 from evaluations import PAIR, ROW, evaluated, write_evaluation
-from icymoon import scene_properties
-from icymoon.errors import IcyMoonError
 from icymoon.operators import evaluate, own_reports, results
 from icymoon.panels import sidebar
+from icymoon.settings.blender import scene_properties
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.render_noise import DECIDES
 from icymoon.stereo.report.notes import Notes
+from icymoon.support.errors import IcyMoonError
 from panel_drawing import drawn
 
 

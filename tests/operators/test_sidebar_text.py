@@ -9,13 +9,13 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import bpy
-import icymoon.scene_properties as properties
+import icymoon.settings.blender.scene_properties as properties
 import pytest
 from icymoon.operators import sidebar_text
 from icymoon.operators.sidebar_text import remember
 from icymoon.settings import change_announcements
 from icymoon.settings.table import TOPICS
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 #: Rooms whose sentences the window shows.
 ROOMS = ("formats", "nodes", "operators", "panels", "physics", "render", "settings", "stereo")

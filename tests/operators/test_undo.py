@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from icymoon import scene_properties
 from icymoon.operators import CLASSES, jobs, render
+from icymoon.settings.blender import scene_properties
 
 #: Operators that change files, processes and windows, but nothing that a .blend file holds.
 CHANGE_NOTHING = {"save_settings", "show_roughness", "trade", "measure_machine", "plan_dry_run",

@@ -7,10 +7,11 @@ import tempfile
 import bpy
 import numpy as np
 import pytest
-from icymoon import compat, scene_properties
 from icymoon.operators import jobs, variation_pictures
 from icymoon.panels import vary
 from icymoon.settings import description, preset_files
+from icymoon.settings.blender import scene_properties
+from icymoon.support.blender import compat
 from panel_drawing import drawn, texts
 from plans import TINY
 

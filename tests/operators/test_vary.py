@@ -10,13 +10,13 @@ from typing import Any
 import bpy
 import pytest
 from evaluations import write_evaluation
-from icymoon import scene_properties
 from icymoon.operators import dataset, results, show_pair, vary
 from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.render.plans import vary_scene
 from icymoon.render.plans.frozen_plan import freeze_plan
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.render.plans.vary_scene import SceneVariations, VariedSetting
+from icymoon.settings.blender import scene_properties
 from icymoon.settings.description import merged
 from icymoon.settings.table import TOPICS
 from plans import TINY

@@ -8,11 +8,11 @@ import math
 import bpy
 import numpy as np
 import pytest
-from icymoon import scene_properties
 from icymoon.nodes import scene as scenes
 from icymoon.operators import view_exposure
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings import changes
+from icymoon.settings.blender import scene_properties
 from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.pair_views import read_pair_views

@@ -11,9 +11,8 @@ from typing import Any
 import bpy
 import pytest
 from evaluations import ROW, evaluated
-from icymoon import preferences
 from icymoon.commands.doctor import PLUGINS, Finding
-from icymoon.operators import evaluate, evaluator, jobs, sidebar_text
+from icymoon.operators import evaluate, evaluator, jobs, preferences, sidebar_text
 from icymoon.operators.presets import preset_items
 from icymoon.operators.sidebar_text import LINE
 from icymoon.panels import CLASSES, menu, sidebar

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from icymoon import scene_properties
 from icymoon.panels import sidebar, vary
+from icymoon.settings.blender import scene_properties
 from icymoon.settings.table import TOPICS
 from panel_drawing import Layout, drawn, texts
 from stand_ins import stand_in

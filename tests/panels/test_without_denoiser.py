@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import bpy
 import pytest
-from icymoon import compat
 from icymoon.nodes.scene import find
+from icymoon.support.blender import compat
 from panel_drawing import drawn
 
 

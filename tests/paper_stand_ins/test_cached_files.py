@@ -15,8 +15,6 @@ from typing import Any
 import numpy as np
 import pytest
 from hostile_arrays import put
-from icymoon import cache, files
-from icymoon.errors import IcyMoonError
 from icymoon.formats import ply
 from icymoon.formats.mesh_images import choose_images
 from icymoon.paper_stand_ins import cached_files
@@ -24,6 +22,8 @@ from icymoon.paper_stand_ins.items import RECIPE
 from icymoon.paper_stand_ins.reconstructions import Reconstruction
 from icymoon.paper_stand_ins.texture_maps import make_maps
 from icymoon.settings.topics.stand_ins import mesh_item, texture_item
+from icymoon.support import cache, files
+from icymoon.support.errors import IcyMoonError
 
 
 @pytest.fixture(autouse=True)

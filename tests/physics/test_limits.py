@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import settings as hypothesis
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from icymoon.errors import IcyMoonError
 from icymoon.physics.camera import brackets, stereo_geometry
 from icymoon.physics.camera.blur import blur_of, pose_after
 from icymoon.physics.camera.point_spread import apply_lens
@@ -36,6 +35,7 @@ from icymoon.stereo.measure.metrics import (
     total_metrics,
     usable,
 )
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 _ODD = (0.0, -0.0, -1.0, 1e-38, 1e38, math.nan, math.inf, -math.inf)

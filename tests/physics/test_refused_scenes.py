@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from icymoon.commands import render_scenes
-from icymoon.errors import IcyMoonError
 from icymoon.physics import refused_scenes
 from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance, from_settings
 from icymoon.physics.terrain.sites import make_rocky_ground
@@ -17,7 +16,8 @@ from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import Settings
-from icymoon.version import ROOT
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.version import ROOT
 
 #: The scene of which the right eye was in the ground, and its images black, without a word.
 UNDERGROUND = {"terrain": {"rms_slope_deg": 25.0}, "rig": {"height_m": 0.1, "baseline_m": 0.3}}

@@ -13,7 +13,7 @@ from icymoon.physics import scene_requirements
 from icymoon.physics.light.sky import sky, sky_facts
 from icymoon.settings import changes, description
 from icymoon.settings.topics.scene import Settings
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 
 def described(*parts: dict) -> Settings:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.plugins.installed import find
 from icymoon.stereo.matchers import describe_matcher, match
+from icymoon.support.errors import IcyMoonError
 from plugin_packages import add_package
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (20, 30)).astype(np.uint8)

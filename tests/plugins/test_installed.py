@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from icymoon.bundled_wheels import VARIABLE
-from icymoon.errors import IcyMoonError
 from icymoon.plugins.installed import find, function_of, load, summary_of
-from icymoon.version import ROOT
+from icymoon.support.bundled_wheels import VARIABLE
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.version import ROOT
 from plugin_packages import MATCHER, add_package
 
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.plugins.installed import find
 from icymoon.plugins.landforms import name_key, read_landform
+from icymoon.support.errors import IcyMoonError
 from plugin_packages import LANDFORM, add_package
 
 

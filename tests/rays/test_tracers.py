@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.rays import embree, engine
 from icymoon.rays.embree import EmbreeTracer, load_library
 from icymoon.rays.shapes import Placed, World
 from icymoon.rays.surface import Tracer, find_shading_normals, find_surface, intersect_opaque
+from icymoon.support.errors import IcyMoonError
 from ray_worlds import BOX, HERE, by_hand, shape, some_rays, some_world, somewhere
 
 LIBRARY = load_library()
@@ -212,7 +212,7 @@ def test_with_embree_no_other_engine_is_used():
 def test_embree_of_blender_and_of_embreex_give_the_same_bits():
     bpy = pytest.importorskip("bpy")
     pytest.importorskip("embreex")
-    from icymoon import compat
+    from icymoon.support.blender import compat
     own = [file for folder in compat.library_folders() for file in folder.glob("*embree4*")]
     assert own, bpy.app.version_string
     world, direction = some_world(), some_rays(2000)

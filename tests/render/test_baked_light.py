@@ -13,8 +13,6 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from icymoon import compat
-from icymoon.labels import BAKED_ATTRIBUTES
 from icymoon.nodes import scene as scenes
 from icymoon.physics.light.baked_rocks import TERMS
 from icymoon.render import baked_light
@@ -26,6 +24,8 @@ from icymoon.render.worker import render_from
 from icymoon.render.workers.claims import Claims
 from icymoon.render.workers.shared_light import SharedLight
 from icymoon.stereo.images.exr import read_baked_error, read_view
+from icymoon.support.blender import compat
+from icymoon.support.labels import BAKED_ATTRIBUTES
 from rendering import complete, empty_scene, png
 
 #: Rough Lambert ground, of which much sees other ground, with fine relief that bakes must not see.

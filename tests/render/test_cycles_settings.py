@@ -7,10 +7,10 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from icymoon import compat
 from icymoon.benchmarks.furnace import render_pixels
 from icymoon.render import cycles_settings
 from icymoon.settings.description import defaults
+from icymoon.support.blender import compat
 from mathutils import Vector
 from rendering import empty_scene
 

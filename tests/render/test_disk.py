@@ -6,10 +6,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render import render_pair
 from icymoon.render.cost import estimate
 from icymoon.render.plans.planned_pair import expand_headings
+from icymoon.support.errors import IcyMoonError
 from marks import heavy_but
 from rendering import complete, render
 

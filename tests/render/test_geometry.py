@@ -7,11 +7,11 @@ import json
 import bpy
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats.ply import read_properties
 from icymoon.nodes.scene import build
 from icymoon.render.geometry_worker import mesh_triangles, run_job, write_geometry
 from icymoon.render.render_pair import open_render_scene
+from icymoon.support.errors import IcyMoonError
 from rendering import SMALL, complete, empty_scene
 
 

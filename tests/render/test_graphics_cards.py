@@ -8,13 +8,13 @@ from typing import cast
 
 import bpy
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.operators import jobs
 from icymoon.render import graphics_cards, progress, worker
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.scene_source import FixedScene
 from icymoon.render.workers.cards import ENVIRONMENT, Cards
 from icymoon.render.workers.shared_light import SharedLight
+from icymoon.support.errors import IcyMoonError
 from rendering import complete
 
 

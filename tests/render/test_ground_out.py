@@ -7,11 +7,11 @@ import json
 import bpy
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats import geotiff
 from icymoon.formats.tiff_write import encode_tiff
 from icymoon.physics.surfaces.albedos import albedos
 from icymoon.render.geometry_worker import run_job
+from icymoon.support.errors import IcyMoonError
 from rendering import SMALL, complete
 
 SIZE_M, CELL_M = 8.0, 0.25

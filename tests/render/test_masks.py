@@ -9,7 +9,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from icymoon.labels import FIRST_OBJECT_INSTANCE, FIRST_ROCK_INSTANCE, LANDER, ROCK, TERRAIN, TERRAIN_INSTANCE
 from icymoon.nodes.ground.terrain_mesh import build_mesh_from_arrays
 from icymoon.nodes.scene import Built, build
 from icymoon.physics.rocks.shapes import icosphere
@@ -18,6 +17,7 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
 from icymoon.stereo.images.exr import View, read_view
+from icymoon.support.labels import FIRST_OBJECT_INSTANCE, FIRST_ROCK_INSTANCE, LANDER, ROCK, TERRAIN, TERRAIN_INSTANCE
 from rendering import complete, empty_scene
 
 FLAT = {"terrain": {"rms_slope_deg": 0.0}, "quality": {"samples": 1}}

@@ -6,13 +6,13 @@ import json
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats import geotiff
-from icymoon.labels import ROCK
 from icymoon.render import geometry_worker, ground_files
 from icymoon.render.geometry_worker import run_job
 from icymoon.settings.preset_files import load_preset
 from icymoon.stereo.images.exr import read_truth
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.labels import ROCK
 from mesh_rays import depth_errors, heights_below, read_mesh
 from rendering import complete, render
 

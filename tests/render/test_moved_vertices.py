@@ -5,10 +5,10 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
-from icymoon import compat
 from icymoon.nodes.tree.builder import Tree
 from icymoon.physics.light import baked_texels
 from icymoon.render.moved_vertices import as_rendered, is_moved, solve
+from icymoon.support.blender import compat
 from rendering import empty_scene
 
 

@@ -8,8 +8,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from icymoon import compat
-from icymoon.labels import FIRST_ROCK_INSTANCE
 from icymoon.nodes.scene import Built, build
 from icymoon.rays import engine
 from icymoon.render import moved_vertices
@@ -20,6 +18,8 @@ from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import Settings, typed
 from icymoon.stereo.images.exr import read_truth
 from icymoon.stereo.trade.measure_variants import scaled_view
+from icymoon.support.blender import compat
+from icymoon.support.labels import FIRST_ROCK_INSTANCE
 from mathutils import Matrix
 from rendering import complete, empty_scene
 

@@ -8,7 +8,6 @@ import bpy
 import cv2
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.nodes.scene import build
 from icymoon.operators import sidebar_text
 from icymoon.physics.camera.blur import blur_of, confusion_px, motion_px
@@ -25,6 +24,7 @@ from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.prepare import load
 from icymoon.stereo.reexpose import reexpose
+from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene, render
 
 #: A plane two metres below the camera that ends at its left eye: an edge down the middle of the image.

@@ -7,11 +7,11 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.labels import FIRST_ROCK_INSTANCE, ROCK, TERRAIN, TERRAIN_INSTANCE
 from icymoon.render.pairs.pair_folder import find_changed_files
 from icymoon.stereo.images.disparity_and_occlusion import visible_in_right
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.matchers import match
+from icymoon.support.labels import FIRST_ROCK_INSTANCE, ROCK, TERRAIN, TERRAIN_INSTANCE
 from rendering import render
 
 FLAT = {"rms_slope_deg": 0.0}

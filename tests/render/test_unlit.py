@@ -8,13 +8,13 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from icymoon import compat
 from icymoon.nodes.scene import Built, build
 from icymoon.render import render_pair, unlit
 from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.blender import compat
 from mathutils import Matrix
 from rendering import complete, empty_scene
 

@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 from windows import Windows
 
 sys.path.pop(0)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from icymoon import system
-from icymoon.errors import IcyMoonError
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import user_files
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load
 from icymoon.stereo.sources import find_sources
+from icymoon.support import system
+from icymoon.support.errors import IcyMoonError
 
 NOTE = r"\(a \\ is a part of a name here; write / between folders\)"
 HEAD = '[plan]\ntitle = "Test"\n'

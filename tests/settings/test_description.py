@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from descriptions import DESCRIPTIONS
 from hypothesis import given
-from icymoon.errors import IcyMoonError
 from icymoon.settings import description as settings
 from icymoon.settings import preset_files
 from icymoon.settings.table import all_settings
 from icymoon.settings.topics.declaration import EFFECTS
+from icymoon.support.errors import IcyMoonError
 
 
 @given(DESCRIPTIONS)

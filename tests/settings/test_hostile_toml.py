@@ -7,7 +7,6 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats.toml_lines import find_line
 from icymoon.render.pairs.scene_splits import SPLITS, splits_of
 from icymoon.render.plans.plan_file import read_plan
@@ -15,6 +14,7 @@ from icymoon.settings.description import override
 from icymoon.settings.preset_files import load
 from icymoon.stereo.datasets.plain_folder import parse_pairs_toml
 from icymoon.stereo.decisions.rules import read_rules
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.timeout(60)
 PLAN = '[plan]\ntitle = "a"\nseeds = 2\n[terrain]\nsize_m = 20.0\n'

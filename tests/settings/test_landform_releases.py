@@ -6,10 +6,10 @@ import sys
 import tomllib
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.settings.description import check, defaults, digest, merged, restored
 from icymoon.settings.table import TOPICS
-from icymoon.version import ROOT
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.version import ROOT
 from plugin_packages import install_project
 
 EXAMPLE = ROOT / "docs" / "examples" / "icymoon-wave-landform"
@@ -25,7 +25,7 @@ def with_plugin(tmp_path_factory):
     install_project(EXAMPLE, site)
 
     def run(code):
-        program = ("import json, sys; sys.path.append(sys.argv[1])\nfrom icymoon.errors import IcyMoonError\n"
+        program = ("import json, sys; sys.path.append(sys.argv[1])\nfrom icymoon.support.errors import IcyMoonError\n"
                    "from icymoon.settings.description import *\nfrom icymoon.settings.table import TOPICS\n"
                    "from icymoon.settings.toml_text import to_toml\n"
                    "def said(act):\n    try:\n        act()\n    except IcyMoonError as error:\n"

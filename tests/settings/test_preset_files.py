@@ -5,8 +5,8 @@ from __future__ import annotations
 import codecs
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.settings import preset_files, toml_text
+from icymoon.support.errors import IcyMoonError
 
 
 #: As editors and PowerShell's > write text: the encodings that Python knows by these names put a mark first.

@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.settings import description
 from icymoon.settings.description import Restorer, check, defaults, merged, overlaid, restored
+from icymoon.support.errors import IcyMoonError
 
 
 def stored(**changes) -> dict:

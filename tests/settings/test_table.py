@@ -10,7 +10,7 @@ import pytest
 from icymoon.settings import preset_files, toml_text
 from icymoon.settings.table import TOPICS, all_settings
 from icymoon.settings.topics.declaration import Setting
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 ALL = [(topic, s) for topic, setting in all_settings() for s in (setting, *setting.entries)]
 NUMBERS = [(topic, s) for topic, s in ALL if s.kind in ("int", "float")]

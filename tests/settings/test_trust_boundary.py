@@ -8,7 +8,6 @@ import json
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.errors import IcyMoonError
 from icymoon.render.plans import frozen_plan
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description, preset_files, toml_text
@@ -18,7 +17,8 @@ from icymoon.settings.topics.declaration import Setting
 from icymoon.stereo.matchers import MATCHERS, complete_options
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.matchers.options import Option
-from icymoon.version import ROOT
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.version import ROOT
 
 MODULES = {name: importlib.import_module(f"icymoon.stereo.matchers.{name}") for name in MATCHERS}
 OPTIONS = [(name, option) for name, module in MODULES.items() for option in module.OPTIONS]

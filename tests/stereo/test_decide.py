@@ -9,8 +9,6 @@ import numpy as np
 import pairs
 import pytest
 import workspaces
-from icymoon.errors import IcyMoonError
-from icymoon.files import sha256
 from icymoon.formats import geotiff
 from icymoon.stereo import decide as module
 from icymoon.stereo.cli import main
@@ -19,6 +17,8 @@ from icymoon.stereo.decisions import workspace
 from icymoon.stereo.decisions.rules import read_rules
 from icymoon.stereo.decisions.workspace import disturb
 from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.files import sha256
 from workspaces import CELL_M, DOWN
 
 pytestmark = pytest.mark.filterwarnings("error")

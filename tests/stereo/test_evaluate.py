@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.camera import nearest_ground
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.shared_settings import with_shared
@@ -20,6 +19,7 @@ from icymoon.stereo.images.colours import INVALID_GREY, SKY_GREY, depth_scale, e
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.costs import COSTS
 from icymoon.stereo.report.row_log import RowLog
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

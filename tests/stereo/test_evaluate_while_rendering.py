@@ -10,12 +10,12 @@ import time
 import icymoon.stereo.evaluate as evaluating
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.workers.job import python_command
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.evaluate_while_rendering import follow
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.costs import COSTS
+from icymoon.support.errors import IcyMoonError
 
 METHODS = parse_methods("bm,bm:window=21")
 SCENES = {"aaa": pairs.Scene(), "bbb": pairs.Scene(sky_rows=24, distance_m=3.0), "ccc": pairs.Scene(rock=False)}

@@ -8,11 +8,11 @@ import sys
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo import ground_errors
 from icymoon.stereo.ground_errors import COARSE, MEASURED, MISSING, UNSEEN, DepthErrors, on_vertices
 from icymoon.stereo.images.colours import signed_colours
 from icymoon.stereo.images.image_files import write_disparity
+from icymoon.support.errors import IcyMoonError
 
 RIG, PLANE = pairs.camera(), pairs.Scene(slope_x=0.0, slope_y=0.6, rock=False)
 NO_EDGES = np.empty((0, 2), np.int32)

@@ -19,7 +19,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.report.charts import make_figure, render_svg
 from icymoon.stereo.report.pages import read_template
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 #: Text that closes an attribute, an element, a script, a comment; and a formula that no drawing can set.
 EVIL = """'"></pre></script>--><script>alert(1)</script><img src=x onerror=alert(1)> $\\frac{$ {{ 7 * 7 }}"""

@@ -11,9 +11,9 @@ from pathlib import Path
 import matplotlib
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.support.errors import IcyMoonError
 
 
 @pytest.fixture

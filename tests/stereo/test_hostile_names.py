@@ -12,9 +12,9 @@ import sys
 import foreign
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo import cli
 from icymoon.stereo.sources import find_sources
+from icymoon.support.errors import IcyMoonError
 
 HOSTILE = "q\x1b[2J\x1b]0;x\x07[b]\u202e"
 SHOWN = r"q\x1b[2J\x1b]0;x\x07[b]\u202e"

@@ -2,10 +2,10 @@
 
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.costs import COSTS
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.usefixtures("undrawn")
 

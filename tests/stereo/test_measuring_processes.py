@@ -8,12 +8,12 @@ import time
 
 import pairs
 import pytest
-from icymoon import system
-from icymoon.files import PART
 from icymoon.stereo import measuring_processes as module
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import Method, parse_methods
 from icymoon.stereo.measure.costs import COSTS
+from icymoon.support import system
+from icymoon.support.files import PART
 
 pytestmark = [pytest.mark.filterwarnings("error"), pytest.mark.usefixtures("undrawn")]
 

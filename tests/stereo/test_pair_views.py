@@ -9,12 +9,12 @@ from dataclasses import replace
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.images.colours import SKY_GREY
 from icymoon.stereo.images.image_files import read_png
 from icymoon.stereo.pair_views import read_pair_views
 from icymoon.stereo.reexpose import reexpose
+from icymoon.support.errors import IcyMoonError
 
 SCENE = pairs.Scene(sky_rows=12)
 RESPONSES = ({}, {"sensor": {"auto_exposure": False, "exposure_s": 2.0e-6, "bits": 8}},

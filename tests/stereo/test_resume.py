@@ -10,12 +10,12 @@ import tracemalloc
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo import measure_pair as module
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.costs import COSTS
 from icymoon.stereo.report.row_log import LazyRows, RowLog
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = [pytest.mark.filterwarnings("error"), pytest.mark.usefixtures("undrawn")]
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats.exr_parts import read_pieces
 from icymoon.physics.random_numbers.seeds import generator
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.pairs.scene_splits import check_splits, scene_of, split_of
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.torch_data import Dataset
+from icymoon.support.errors import IcyMoonError
 
 RIG = pairs.camera(96, 64)
 SCENE = pairs.Scene(sky_rows=8)

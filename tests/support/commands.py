@@ -18,7 +18,7 @@ from icymoon.settings.table import TOPICS
 from icymoon.stereo import cli as stereo_cli
 from icymoon.stereo.matchers import complete_options
 from icymoon.stereo.matchers.methods import parse_key_value, parse_named_methods, parse_own_matchers
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 from manual import reference
 from plugin_packages import examples
 

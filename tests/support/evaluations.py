@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import bpy
-from icymoon import scene_properties
 from icymoon.operators import results
+from icymoon.settings.blender import scene_properties
 
 PAIR = "0123456789ab"
 ROW = {"method": "bm", "total_bad_1": 0.35, "l1_m": 0.123, "l1_rate_10": 0.5, "si_rmse": None, "dod": 0.25,

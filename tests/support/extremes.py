@@ -9,7 +9,6 @@ from typing import Any
 
 import bpy
 import numpy as np
-from icymoon.labels import ROCK, TERRAIN
 from icymoon.nodes.light.sun_lamp import angular_diameter, irradiance_wm2
 from icymoon.nodes.scene import Built, build
 from icymoon.nodes.surface.patches_and_grain import ELEVATION
@@ -27,6 +26,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.exr import Light, View
 from icymoon.stereo.images.views import read_eye
 from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.support.labels import ROCK, TERRAIN
 from mathutils import Vector
 from rendering import empty_scene
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 sys.path.insert(0, str(ROOT / "docs" / "make"))
 import reference

@@ -10,7 +10,7 @@ from pathlib import Path
 from textwrap import dedent
 
 import pytest
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 _numbers = itertools.count()
 

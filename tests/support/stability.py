@@ -17,7 +17,6 @@ from typing import Any
 import bpy
 import icymoon
 import numpy as np
-from icymoon.labels import ROCK
 from icymoon.nodes.scene import Built, build
 from icymoon.render.pairs.pair_folder import EYES, read_pair
 from icymoon.render.plans.planned_pair import expand_headings
@@ -25,6 +24,7 @@ from icymoon.render.worker import render_pairs
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.declaration import Parts
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.labels import ROCK
 from rendering import empty_scene
 
 TABLE = Path(__file__).with_name("stability.json")

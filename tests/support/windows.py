@@ -107,8 +107,8 @@ class Windows:
         for name, module in modules.items():
             self._real["modules", name] = sys.modules.get(name)
             sys.modules[name] = module
-        if "icymoon.system" in sys.modules:
-            self._patch(sys.modules["icymoon.system"], "PLATFORM", "win32")
+        if "icymoon.support.system" in sys.modules:
+            self._patch(sys.modules["icymoon.support.system"], "PLATFORM", "win32")
 
     def remove(self) -> None:
         for (owner, name), real in reversed(self._real.items()):
@@ -451,7 +451,7 @@ class _Finder(importlib.abc.MetaPathFinder):
     """Has our module of systems believe that this is Windows, as soon as it is loaded."""
 
     def find_spec(self, name: str, path: Any, target: Any = None) -> Any:
-        if name != "icymoon.system":
+        if name != "icymoon.support.system":
             return None
         spec = importlib.machinery.PathFinder.find_spec(name, path)
         assert spec is not None

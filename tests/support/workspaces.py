@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pairs
-from icymoon.files import sha256
 from icymoon.settings.description import defaults, merged
+from icymoon.support.files import sha256
 
 #: A left eye that looks straight down from 2 m: OpenCV's y points south, its z down.
 DOWN = np.array([[1.0, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 2], [0, 0, 0, 1]])

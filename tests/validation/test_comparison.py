@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from icymoon.commands.cli import main
 from icymoon.commands.run_validation import choose_comparisons
-from icymoon.errors import IcyMoonError
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.version import ROOT
 from icymoon.validation.all_comparisons import MODULES, load_comparisons
 from icymoon.validation.comparison import (
     AGREES,
@@ -27,7 +28,6 @@ from icymoon.validation.comparison import (
     run_comparison,
 )
 from icymoon.validation.tables import cells, markdown_section, replace_sections, summary
-from icymoon.version import ROOT
 
 OWN = """
 from icymoon.validation.comparison import Comparison, Row

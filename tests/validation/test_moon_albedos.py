@@ -6,9 +6,9 @@ from icymoon.physics.surfaces import photometry
 from icymoon.physics.surfaces.albedos import law_of
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load_preset
+from icymoon.support.version import ROOT
 from icymoon.validation import moon_albedos
 from icymoon.validation.comparison import OFF, Bench
-from icymoon.version import ROOT
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats.ply import read_triangles, write_triangles
+from icymoon.support.errors import IcyMoonError
 from icymoon.validation.ball import ball_mesh
 from icymoon.validation.second_renderer import (
     SCENES,

@@ -16,7 +16,7 @@ from icymoon.commands.cli import main
 from icymoon.physics.arm.link_mesh import read_link_mesh
 from icymoon.physics.arm.urdf import read_urdf
 from icymoon.stereo.images.exr import read_view
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 CASES = ROOT / "tests" / "data" / "cases"
 

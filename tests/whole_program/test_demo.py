@@ -6,7 +6,7 @@ import sys
 
 import pytest
 from icymoon.stereo.measure.render_noise import CLEAN
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 
 
 @pytest.mark.long

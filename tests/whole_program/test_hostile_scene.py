@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import bpy
 import pytest
-from icymoon import preferences, scene_properties
-from icymoon.operators import dataset
+from icymoon.operators import dataset, preferences
+from icymoon.settings.blender import scene_properties
 from stand_ins import stand_in
 
 ICYMOON = bpy.ops.icymoon

@@ -5,9 +5,10 @@ import sys
 
 import bpy
 import pytest
-from icymoon import compat, scene_properties
-from icymoon.errors import IcyMoonError
-from icymoon.version import ROOT
+from icymoon.settings.blender import scene_properties
+from icymoon.support.blender import compat
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.version import ROOT
 from plugin_packages import install_project
 
 EXAMPLE = ROOT / "docs" / "examples" / "icymoon-wave-landform"
@@ -15,7 +16,7 @@ IN_BLENDER = """
 import os, sys
 sys.path.append(sys.argv[1])
 import bpy, icymoon
-from icymoon import scene_properties
+from icymoon.settings.blender import scene_properties
 from icymoon.settings.description import digest
 icymoon.register()
 scene = bpy.context.scene

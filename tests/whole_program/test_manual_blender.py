@@ -13,7 +13,7 @@ import OpenEXR
 from icymoon.render.passes import UNWANTED
 from icymoon.stereo.images.disparity_and_occlusion import scene_depth
 from icymoon.stereo.images.exr import read_view
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 from rendering import render
 
 sys.path.insert(0, str(ROOT / "docs" / "make"))

@@ -19,16 +19,18 @@ import bpy
 import icymoon
 import numpy as np
 import pytest
-from icymoon import compat, files, preferences, scene_properties, system
 from icymoon.commands import cli, doctor
-from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
-from icymoon.operators import presets
+from icymoon.operators import preferences, presets
 from icymoon.physics.camera.blur import blur_of
 from icymoon.render import cycles_settings, render_pair
 from icymoon.render.cycles_settings import check_possible
 from icymoon.render.workers.job import python_command
 from icymoon.settings import preset_files
+from icymoon.settings.blender import scene_properties
+from icymoon.support import files, system
+from icymoon.support.blender import compat
+from icymoon.support.errors import IcyMoonError
 from rendering import complete
 
 ROOT = Path(icymoon.__file__).parent

@@ -8,7 +8,7 @@ import textwrap
 
 import bpy
 import pytest
-from icymoon import preferences
+from icymoon.operators import preferences
 from icymoon.settings.table import TOPICS, all_settings
 from icymoon.settings.topics.declaration import Setting
 

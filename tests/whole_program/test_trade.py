@@ -6,11 +6,12 @@ import sys
 from pathlib import Path
 
 import pytest
-from icymoon import cache, scene_properties
 from icymoon.operators import jobs, sidebar_text, trade
 from icymoon.render.cost import speed
 from icymoon.render.workers.job import python_command
 from icymoon.settings import description, preset_files
+from icymoon.settings.blender import scene_properties
+from icymoon.support import cache
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 SCENE = ("--preset", "europa_rough_ice", "--scale", "0.15", "--reference-samples", "32", "--methods", "sgbm",

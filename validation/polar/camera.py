@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...errors import IcyMoonError
+from ...support.errors import IcyMoonError
 from .data_set import (
     EYES,
     HEIGHT_PX,

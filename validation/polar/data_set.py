@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ...errors import IcyMoonError
 from ...physics.mesh.obj import parse_triangles
+from ...support.errors import IcyMoonError
 from ...support.foreign_bytes import read
 
 WIDTH_PX, HEIGHT_PX = 1936, 1216

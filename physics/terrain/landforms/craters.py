@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ....errors import IcyMoonError
 from ....settings.topics.landforms import CratersSettings
+from ....support.errors import IcyMoonError
 from ...rocks.size_laws import PowerLaw
 from ..roughness.roughness import carried_share
 from .common import Landform, smooth_step

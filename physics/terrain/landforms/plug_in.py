@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from ....errors import IcyMoonError
 from ....plugins.landforms import PREFIX, RELEASE, PluginLandform, landform_plugins, missing_landform, name_key
 from ....settings.topics.scene import Settings
+from ....support.errors import IcyMoonError
 from .common import Landform
 
 

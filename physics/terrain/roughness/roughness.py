@@ -20,8 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from ....errors import IcyMoonError
 from ....settings.topics.ground import TerrainSettings
+from ....support.errors import IcyMoonError
 from ..noise.lattice_noise import gradient_noise
 from .statistics import detrend
 from .structure_function import NOISE_DEVIATION, structure

@@ -24,11 +24,11 @@ from edits import (
     swap,
     the,
 )
-from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.array_marks import mark
 from icymoon.nodes.datablocks.marks import Walk
 from icymoon.nodes.datablocks.stored_properties import LEFT_OUT, OF_THE_VIEW, why_left_out
+from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene
 
 built = edits.built  # a fixture

@@ -7,13 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.nodes.ground import dug_ground
 from icymoon.nodes.ground.dug_ground import DEPTH, mesh_whole_ground
 from icymoon.nodes.next_scene import open_empty_scene
 from icymoon.nodes.scene import ground_of
 from icymoon.physics.excavation.jitter import jittered_rig
 from icymoon.settings import description
+from icymoon.support.errors import IcyMoonError
 from rendering import complete
 
 DUG = {"path": "LINE", "states": 3, "bite_m": 0.05, "length_m": 0.2, "cell_m": 0.01, "start_y_m": 2.0}

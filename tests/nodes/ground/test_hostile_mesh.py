@@ -10,10 +10,10 @@ import sys
 
 import bpy
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.nodes.ground import import_mesh
 from icymoon.nodes.ground.import_mesh import read_mesh
-from icymoon.system import bound_memory_and_time
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.system import bound_memory_and_time
 
 pytestmark = pytest.mark.timeout(60)
 PLY = ("ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"

@@ -16,8 +16,6 @@ import bpy
 import numpy as np
 import OpenEXR
 import pytest
-from icymoon import compat
-from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.ground import import_heights
 from icymoon.nodes.ground import user_ground as grounds
@@ -28,6 +26,8 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.blender import compat
+from icymoon.support.errors import IcyMoonError
 from mathutils.bvhtree import BVHTree
 from mesh_exports import FORMATS, export
 from rendering import complete, empty_scene, render

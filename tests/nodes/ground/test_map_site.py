@@ -10,11 +10,11 @@ import sys
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats import geotiff
 from icymoon.formats.geotiff import Site
 from icymoon.nodes.ground.user_ground import load_ground
 from icymoon.nodes.scene import build
+from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene
 
 rasterio = pytest.importorskip("rasterio", reason="pip install rasterio, which only tests need")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import bpy
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
-from icymoon.labels import FIRST_ROCK_INSTANCE, INSTANCE_ATTRIBUTE
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, fingerprint
 from icymoon.nodes.ground.heights_under import probe_heights
 from icymoon.physics.surfaces.principled import base_colour
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.labels import FIRST_ROCK_INSTANCE, INSTANCE_ATTRIBUTE
 from rendering import complete, empty_scene
 
 STREWN = {"rocks": {"coverage": 0.1, "smallest_m": 0.15}}

@@ -7,7 +7,6 @@ import math
 import bpy
 import numpy as np
 import pytest
-from icymoon import scene_properties
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.ground.terrain_mesh import (
     grid_heights,
@@ -19,6 +18,7 @@ from icymoon.nodes.ground.terrain_mesh import (
 from icymoon.panels import CLASSES
 from icymoon.physics.terrain.roughness.statistics import measure
 from icymoon.settings import description
+from icymoon.settings.blender import scene_properties
 from panel_drawing import drawn, texts
 from rendering import complete, empty_scene
 

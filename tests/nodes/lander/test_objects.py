@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from built_scenes import everything
 from edits import TINY
-from icymoon.labels import FIRST_LINK_INSTANCE, LANDER
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import built_objects
 from icymoon.nodes.lander.contact import find_contact
 from icymoon.nodes.lander.objects import ROLES, link_poses
 from icymoon.nodes.next_scene import adapt_scene
+from icymoon.support.labels import FIRST_LINK_INSTANCE, LANDER
 from rendering import complete, empty_scene
 
 WITH: dict[str, Any] = {**TINY, "lander": {"kind": "PARAMETRIC"}}

@@ -6,7 +6,6 @@ from typing import Any
 import bpy
 import numpy as np
 import pytest
-from icymoon.labels import PLANET
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.operators import sidebar_text
@@ -15,6 +14,7 @@ from icymoon.physics.light.sky import sky
 from icymoon.physics.light.stars import stars_above_horizon
 from icymoon.stereo.images.disparity_and_occlusion import scene_depth
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.labels import PLANET
 from rendering import complete, empty_scene, render
 
 LAMBERT = {"terrain": {"rms_slope_deg": 0.0, "size_m": 40.0}, "mesh": {"kind": "GRID"},

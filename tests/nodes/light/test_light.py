@@ -4,8 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
-from icymoon.labels import PLANET, TERRAIN
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.physics.light.planetshine import irradiance_wm2
@@ -17,6 +15,8 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.stereo.images.disparity_and_occlusion import scene_depth
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.labels import PLANET, TERRAIN
 from lit_scenes import JUPITER, NIGHT, SATURN
 from rendering import complete, empty_scene, render
 

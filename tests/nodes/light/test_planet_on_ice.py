@@ -7,12 +7,12 @@ from functools import partial
 import numpy as np
 import pytest
 from hapke_rendering import BARE, FLAT, angles, long, picture, rays
-from icymoon.labels import TERRAIN
 from icymoon.physics.light.planetshine import light_rays
 from icymoon.physics.light.sky import sky
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from icymoon.render.pairs.pair_folder import Pair
 from icymoon.stereo.images.exr import View, read_view
+from icymoon.support.labels import TERRAIN
 from lit_scenes import JUPITER, NIGHT, SATURN
 
 ICE = {"terrain": FLAT, "surface": BARE, "rig": {"width_px": 48, "height_px": 36},

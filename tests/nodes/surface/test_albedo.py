@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.benchmarks.furnace import albedo as furnace
-from icymoon.labels import TERRAIN
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.surfaces.principled import real_albedo
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.preset_files import load_preset
 from icymoon.settings.topics.surfaces import SurfaceSettings
+from icymoon.support.labels import TERRAIN
 
 
 def measured(settings, **view) -> np.ndarray:

@@ -6,9 +6,7 @@ import bpy
 import numpy as np
 import pytest
 from extremes import rays
-from icymoon import compat
 from icymoon.benchmarks.furnace import plane, radiance
-from icymoon.labels import NORMAL_AOV, TERRAIN, TRUTH
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.ground.terrain_mesh import SPACING, leave_unmoved
@@ -22,6 +20,8 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.worker import render_pairs
 from icymoon.settings.description import merged
 from icymoon.stereo.images.exr import read_truth, read_view
+from icymoon.support.blender import compat
+from icymoon.support.labels import NORMAL_AOV, TERRAIN, TRUTH
 from rendering import complete, empty_scene, png, render
 
 ALL, CAMERA = ({"quality": {"fine_relief": choice}} for choice in ("ALL", "CAMERA"))

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.benchmarks.furnace import albedo as furnace
-from icymoon.labels import TERRAIN
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.stereo.images.exr import read_truth, read_view
+from icymoon.support.labels import TERRAIN
 from rendering import complete, empty_scene, render
 
 #: Level, even snow, seen toward the Sun.

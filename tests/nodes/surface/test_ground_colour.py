@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.benchmarks.furnace import albedo as furnace
-from icymoon.labels import ROCK, TERRAIN
 from icymoon.nodes.surface.ground_colour import clean_albedo, ice_tint
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.light.bands import bubbly_ice_bands, material_bands, snow_bands
 from icymoon.physics.surfaces.spectra import MATERIALS
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.topics.surfaces import SurfaceSettings
+from icymoon.support.labels import ROCK, TERRAIN
 
 
 def surface(**changes: Any) -> SurfaceSettings:

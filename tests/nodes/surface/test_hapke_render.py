@@ -8,8 +8,6 @@ import bpy
 import numpy as np
 import pytest
 from hapke_rendering import BARE, FACETS, FLAT, POINT, SMOOTH, angles, expected, long, picture, rays, slow
-from icymoon import compat
-from icymoon.errors import IcyMoonError
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.surface import reflectance_laws, sun_inputs
 from icymoon.physics.surfaces import photometry, snow
@@ -17,6 +15,8 @@ from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_setti
 from icymoon.render import cycles_settings
 from icymoon.render.pairs.pair_folder import Pair
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.blender import compat
+from icymoon.support.errors import IcyMoonError
 from rendering import complete, empty_scene
 
 BOTH = pytest.mark.parametrize("made_of", ["OSL", "NODES"])

@@ -8,12 +8,12 @@ import bpy
 import numpy as np
 import pytest
 from hapke_rendering import BARE, FLAT, SMOOTH, expected, picture, rays
-from icymoon import compat
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.surface import reflectance_laws
 from icymoon.physics.surfaces.hapke import bidirectional_reflectance, from_settings
 from icymoon.physics.surfaces.photometry import hemispherical_albedo
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.blender import compat
 from marks import heavy_but
 from obj_files import obj
 from rendering import complete, empty_scene, png

@@ -9,12 +9,12 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.benchmarks import furnace
-from icymoon.labels import ROCK, TERRAIN
 from icymoon.nodes.surface.fractures import VEIL_ALBEDO
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.physics.light.bands import bubbly_ice_bands, clear_ice_absorption_1_m
 from icymoon.settings.description import check, defaults
 from icymoon.settings.topics.surfaces import SurfaceSettings
+from icymoon.support.labels import ROCK, TERRAIN
 from rendering import empty_scene
 
 CLEAR = {"transmission": 1.0, "transmitted": "THROUGH", "roughness": 0.05}

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from icymoon.benchmarks.furnace import albedo as furnace
 from icymoon.benchmarks.furnace import plane, radiance
-from icymoon.errors import IcyMoonError
-from icymoon.labels import TERRAIN
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.surface.ice_material import build_material
 from icymoon.nodes.surface.images import load_maps
@@ -16,6 +14,8 @@ from icymoon.nodes.surface.textures import Textured
 from icymoon.physics.surfaces.textures import SETS, SIZE, make_maps
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.description import check, defaults
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.labels import TERRAIN
 from rendering import complete, empty_scene, png
 
 

@@ -11,8 +11,6 @@ import bpy
 import numpy as np
 import pytest
 from icymoon.benchmarks.furnace import radiance
-from icymoon.errors import IcyMoonError
-from icymoon.labels import UV_LAYER
 from icymoon.nodes import preview
 from icymoon.nodes import scene as scenes
 from icymoon.nodes.datablocks.fingerprint import TAG, instanced_objects
@@ -22,6 +20,8 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.labels import UV_LAYER
 from mesh_exports import FORMATS, export
 from obj_files import obj
 from rendering import complete, empty_scene, png

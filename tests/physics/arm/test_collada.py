@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.arm import link_mesh
 from icymoon.physics.arm.link_mesh import read_link_mesh
+from icymoon.support.errors import IcyMoonError
 
 XYZ = '<param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>'
 #: Corners of a unit square, and one above its first.
@@ -262,7 +262,7 @@ HEAVY: dict[str, tuple[Callable[[], str], str]] = {
 PROGRAM = """
 import sys, time
 from pathlib import Path
-from icymoon.errors import IcyMoonError
+from icymoon.support.errors import IcyMoonError
 from icymoon.physics.arm.link_mesh import read_link_mesh
 begin = time.process_time()
 try:

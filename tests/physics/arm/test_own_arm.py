@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.arm import link_mesh
 from icymoon.physics.arm import own_arm as own_arms
 from icymoon.physics.arm.collisions import find_self_collisions, segment_distance
@@ -22,6 +21,7 @@ from icymoon.physics.refused_scenes import lander_reasons
 from icymoon.settings import user_files
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.errors import IcyMoonError
 from urdf_files import CORNERS, FACES, JOINTS, LINKS, visual, write_ascii_stl, write_obj, write_robot, write_stl
 
 

@@ -8,13 +8,13 @@ import pairs
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.errors import IcyMoonError
 from icymoon.physics.camera.blur import MOTION, blur_advice, blur_of, confusion_px, motion_px, pose_after
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.cli import main
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.camera import brackets
 from icymoon.physics.camera.particle_hits import draw_hits, expected_hits
 from icymoon.physics.camera.point_spread import apply_lens, gaussian_kernel
@@ -12,6 +11,7 @@ from icymoon.physics.camera.sensor import digital_numbers, electrons, exposure_s
 from icymoon.physics.light.photons import band_share, electron_rate, pixel_pitch_m, planck, total_radiance
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.camera.colour import (
     LINEAR,
     channel_at,
@@ -21,6 +20,7 @@ from icymoon.physics.light.sunlight import sun_colour
 from icymoon.settings.description import defaults
 from icymoon.settings.preset_files import load_preset
 from icymoon.settings.topics.camera import SensorSettings
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

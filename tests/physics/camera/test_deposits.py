@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.camera.deposits import apply_deposits, blocked_share
 from icymoon.physics.rig.focal_length import focal_px
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.errors import IcyMoonError
 
 SHAPE = (240, 320)
 

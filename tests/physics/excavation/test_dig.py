@@ -4,12 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.excavation import site as sites
 from icymoon.physics.excavation.dig import Series
 from icymoon.physics.excavation.paths import read_path
 from icymoon.settings import description
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.errors import IcyMoonError
 
 DUG = {"path": "LINE", "states": 4, "bite_m": 0.04, "length_m": 0.2, "cell_m": 0.005, "start_y_m": 0.1}
 

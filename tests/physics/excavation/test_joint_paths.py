@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.arm.parametric import arm_of, inverse
 from icymoon.physics.excavation import site as sites
 from icymoon.physics.excavation.dig import Series
 from icymoon.physics.excavation.joint_paths import make_joint_pulls
 from icymoon.settings import changes, description
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.errors import IcyMoonError
 from urdf_files import write_robot
 
 HEAD = "state,yaw_deg,shoulder_deg,elbow_deg,wrist_deg,roll_deg\n"

@@ -8,12 +8,12 @@ import sys
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.light import ephemeris, spice
 from icymoon.physics.light.bodies import BODIES
 from icymoon.physics.light.sky import azimuth_deg, elevation_deg, sky
 from icymoon.physics.light.sunlight import AU_KM
 from icymoon.settings import description, preset_files
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

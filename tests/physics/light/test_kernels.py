@@ -8,9 +8,9 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.light import kernels as kernel_module
 from icymoon.physics.light.kernels import find_kernels, kernel_files
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.timeout(30)
 PCK = "KPL/PCK\nA text of others\n\\begindata\nBODY599_RADII = ( 71492 71492 66854 )\n\\begintext\nmore\n"

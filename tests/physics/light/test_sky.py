@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.light.eclipse import hidden_share
 from icymoon.physics.light.planet_face import face_radiance
 from icymoon.physics.light.planetshine import (
@@ -22,6 +21,7 @@ from icymoon.physics.light.sunlight import apparent_diameter_deg, sun_colour, su
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -7,11 +7,11 @@ import struct
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats import mesh_file
 from icymoon.physics.mesh.check import examine, face_normals, label_components, repair
 from icymoon.physics.mesh.mesh_heights import MeshGround
 from icymoon.physics.mesh.subdivide import count_halvings, edge_length_m, halve_edges, vertex_normals
+from icymoon.support.errors import IcyMoonError
 from sheets import sheet
 
 CUBE = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.errors import IcyMoonError
 from icymoon.formats import geotiff
 from icymoon.physics.mesh import height_map
 from icymoon.physics.mesh.height_map import HeightMap, fill_holes, place_map
+from icymoon.support.errors import IcyMoonError
 from tiffs import write_tiff
 
 

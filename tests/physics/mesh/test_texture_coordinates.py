@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats import mesh_images
 from icymoon.formats.ply import read_texture_coordinates
 from icymoon.physics.mesh import texture_coordinates
 from icymoon.physics.mesh.check import repair
 from icymoon.physics.mesh.subdivide import halve_edges
+from icymoon.support.errors import IcyMoonError
 from sheets import sheet
 
 

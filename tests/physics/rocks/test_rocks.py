@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as budget
 from hypothesis import strategies as st
-from icymoon.errors import IcyMoonError
 from icymoon.physics.rocks.rocks import draw_places, euler_xyz, scatter
 from icymoon.physics.rocks.shapes import FAMILIES, LEVELS, corners_of, icosphere, make_rock_shapes
 from icymoon.physics.rocks.size_laws import Golombek, PowerLaw, draw_diameters, size_law
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.rocks import RocksSettings
+from icymoon.support.errors import IcyMoonError
 from marks import heavy_but
 
 SIZE_M = 20.0

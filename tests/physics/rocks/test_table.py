@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.rocks.rocks import scatter
 from icymoon.physics.rocks.shapes import make_rock_shapes
 from icymoon.physics.rocks.table import covered_share, read_table
 from icymoon.settings.description import defaults
+from icymoon.support.errors import IcyMoonError
 
 
 def written(tmp_path, text: str):

@@ -12,10 +12,10 @@ import pytest
 from hapke_table import angles, parameters, rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from icymoon.errors import IcyMoonError
 from icymoon.physics.surfaces import albedos, hapke, photometry
 from icymoon.physics.surfaces.hapke import HapkeParameters, bidirectional_reflectance
 from icymoon.settings import description, preset_files
+from icymoon.support.errors import IcyMoonError
 
 EUROPA: dict[str, Any] = {
     "w": 0.964, "b": 0.429, "c": 0.113, "b_s0": 0.5, "h_s": 0.0016, "theta_bar": math.radians(10.0)}

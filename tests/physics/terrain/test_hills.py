@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.mesh.graded_ground import grade_ground
 from icymoon.physics.mesh.horizon import horizon_m
 from icymoon.physics.terrain.hills import make_hills
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import defaults, merged
+from icymoon.support.errors import IcyMoonError
 
 KINDS = ("FBM", "CRESTS", "HETERO")
 

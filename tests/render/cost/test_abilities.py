@@ -7,7 +7,6 @@ import os
 
 import pytest
 from icymoon.commands import batch, cli
-from icymoon.errors import IcyMoonError
 from icymoon.render.cost import abilities, measure_speed
 from icymoon.render.cost.abilities import Abilities, find_lack, lack_for, needs_full_build
 from icymoon.render.cost.estimate import work_of
@@ -17,6 +16,7 @@ from icymoon.render.plans.triangles import count_triangles
 from icymoon.settings.description import check, defaults, merged
 from icymoon.settings.topics.scene import Settings
 from icymoon.stereo.trade import measure_variants
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="the stand-in for Blender is a script of a shell")
 PLAIN = Abilities(osl=False, denoiser=False, gpu=False)

@@ -5,16 +5,16 @@ from __future__ import annotations
 import json
 
 import pytest
-from icymoon import cache as folders
-from icymoon import system
 from icymoon.commands import cli
-from icymoon.errors import IcyMoonError
 from icymoon.render.cost import estimate, measure_speed
 from icymoon.render.cost import speed as machine
 from icymoon.render.cost.quality_presets import list_qualities, pair_seconds
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.plans.triangles import count_triangles
 from icymoon.settings import description
+from icymoon.support import cache as folders
+from icymoon.support import system
+from icymoon.support.errors import IcyMoonError
 
 
 @pytest.fixture(autouse=True)

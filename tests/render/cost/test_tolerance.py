@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.cost.tolerance import BAD_1, PX, Tolerance, all_hold, checked_tolerance, parse_fraction
+from icymoon.support.errors import IcyMoonError
 
 NOTHING = {"epe_px": 0.0, "wrong_or_missing": 0.0}
 

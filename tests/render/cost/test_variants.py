@@ -3,11 +3,11 @@
 from typing import Any
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.cost.estimate import work_of
 from icymoon.render.cost.variants import GROUPS, SHAPES, candidates, leaner_settings, reference, variants
 from icymoon.settings import description, preset_files
 from icymoon.settings.topics.scene import Settings
+from icymoon.support.errors import IcyMoonError
 
 SCENES = ("enceladus_fresh_snow", "europa_rough_ice", "europa_ridged_plain_hapke")
 #: Settings that each group may change.

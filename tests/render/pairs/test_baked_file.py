@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.light.baked_rocks import TERMS
 from icymoon.render.pairs import baked_file
 from icymoon.render.pairs.baked_file import BakedLight
+from icymoon.support.errors import IcyMoonError
 
 KEY, VERTICES, ROCKS = "0123456789ab", 40, 5
 

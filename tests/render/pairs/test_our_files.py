@@ -10,8 +10,6 @@ from pathlib import Path
 
 import icymoon
 import pytest
-from icymoon.errors import IcyMoonError
-from icymoon.files import part_of
 from icymoon.render.pairs.our_files import checked_id, find_reason_to_keep, remove_ours
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.pairs.publish import publish
@@ -20,6 +18,8 @@ from icymoon.render.workers import verify as verification
 from icymoon.render.workers.claims import Claims
 from icymoon.render.workers.verify import verify
 from icymoon.stereo.report.row_log import RowLog
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.files import part_of
 from pairs import Scene, camera, write_pair
 from plans import grid
 
@@ -228,7 +228,8 @@ def test_rows_of_an_evaluation_name_no_folder(tmp_path):
 
 #: Who else removes something, and why it may: what the same process has made a moment before under a name of its own,
 #: and files that a user asks to replace or delete by name.
-REMOVES = {"render/pairs/our_files.py": "the one way", "system.py": "how it is done", "files.py": "its own part",
+REMOVES = {"render/pairs/our_files.py": "the one way", "support/system.py": "how it is done",
+           "support/files.py": "its own part",
            "render/workers/job.py": "its own temporary folder",
            "library/renderers.py": "its own temporary folder",
            "render/ground_maps.py": "the image that it has read, in its own temporary folder",
@@ -238,7 +239,7 @@ REMOVES = {"render/pairs/our_files.py": "the one way", "system.py": "how it is d
            "stereo/environment/install.py": "the folder that it has made", "stereo/reexpose.py": "what it writes again",
            "formats/asset_library.py": "the files that its record lists, when a user asks for it",
            "operators/trade.py": "its own temporary folder",
-           "scratch.py": "its own temporary folder, and those marked by processes of this user that are gone",
+           "support/scratch.py": "its own temporary folder, and those marked by processes of this user that are gone",
            "operators/presets.py": "the preset that a user removes, with its picture",
            "operators/install_evaluator.py": "the environment that it has made, when a user asks for it",
            "operators/show_pair.py": "its own temporary folder",

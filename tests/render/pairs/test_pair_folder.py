@@ -12,8 +12,6 @@ from pathlib import Path
 import hostile_arrays
 import numpy as np
 import pytest
-from icymoon import files
-from icymoon.errors import IcyMoonError
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.pairs.pair_folder import find_pairs, is_complete, read_pair, update_response
 from icymoon.render.plans.frozen_plan import read_frozen_plan
@@ -22,6 +20,8 @@ from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.workers.job import Job, absolute_folder, blender_command
 from icymoon.render.workers.process import Process
 from icymoon.settings import description
+from icymoon.support import files
+from icymoon.support.errors import IcyMoonError
 from pairs import camera, write_pair
 
 

@@ -11,12 +11,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from icymoon.errors import IcyMoonError
-from icymoon.files import PART, part_of
 from icymoon.render.pairs.pair_folder import is_complete, update_response
 from icymoon.render.pairs.publish import discard, publish
 from icymoon.render.workers.claims import CLAIMS_FOLDER, Claims
 from icymoon.settings.description import defaults, merged
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.files import PART, part_of
 from marks import heavy_but
 
 PAIR = "0123456789ab"

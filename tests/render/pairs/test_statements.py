@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.commands.cli import main
-from icymoon.errors import IcyMoonError
 from icymoon.render.pairs.pair_folder import find_pairs, read_pair
 from icymoon.stereo.cli import main as stereo
+from icymoon.support.errors import IcyMoonError
 from olddata import OLD, copied
 from stated_pairs import whole
 

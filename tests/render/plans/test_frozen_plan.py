@@ -9,11 +9,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.planned_pair import PlannedPair
 from icymoon.render.workers.manifest import write_manifest
 from icymoon.render.workers.verify import verify
+from icymoon.support.errors import IcyMoonError
 from pairs import Scene, camera, write_pair
 from plans import grid, planned
 

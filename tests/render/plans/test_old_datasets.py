@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import pytest
 from icymoon.commands.cli import main
-from icymoon.errors import IcyMoonError
 from icymoon.physics.camera.blur import blur_identity
 from icymoon.render.pairs.pair_folder import find_pairs
 from icymoon.render.plans import frozen_plan as datasets
@@ -19,6 +18,7 @@ from icymoon.render.workers.verify import verify
 from icymoon.settings import description
 from icymoon.settings.table import TOPICS
 from icymoon.stereo.cli import main as stereo
+from icymoon.support.errors import IcyMoonError
 from olddata import DATA, OLD, copied, upgrade_all
 
 pytestmark = pytest.mark.parametrize("old", OLD)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from itertools import permutations
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.plans.plan_file import read_plan
+from icymoon.support.errors import IcyMoonError
 
 HEAD = '[plan]\ntitle = "Test"\n'
 #: Sweeps of all kinds, and how many variations each has over the defaults.

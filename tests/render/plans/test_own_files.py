@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.plans.own_files import replace_stand_ins
 from icymoon.render.plans.plan_file import read_plan
 from icymoon.settings.description import defaults, merged
+from icymoon.support.errors import IcyMoonError
 
 CASES = """
 [plan]

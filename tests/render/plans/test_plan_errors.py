@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as trials
 from hypothesis import strategies as st
-from icymoon.errors import IcyMoonError
 from icymoon.formats.toml_lines import Place, find_line
 from icymoon.render.plans.plan_file import find_plan, read_plan
 from icymoon.settings.table import TOPICS, all_settings
+from icymoon.support.errors import IcyMoonError
 
 HEAD = '[plan]\ntitle = "Test"\n'
 

@@ -6,13 +6,13 @@ import json
 from collections import Counter
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.paper_stand_ins.items import items_of
 from icymoon.render.plans.plan_file import Plan, find_plan, read_plan, read_plan_header
 from icymoon.settings.preset_files import plan_names, preset_names
 from icymoon.settings.table import TOPICS
 from icymoon.settings.toml_text import read_toml
 from icymoon.settings.topics.stand_ins import MESHES, TEXTURES
+from icymoon.support.errors import IcyMoonError
 from marks import heavy_but
 
 #: Pairs of each type, and how many values of each factor, as counted in the public configuration (Bhaskara et al.

@@ -5,10 +5,10 @@ from __future__ import annotations
 import json
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.pairs.scene_splits import SPLITS, splits_of
 from icymoon.render.plans.frozen_plan import freeze_plan
 from icymoon.render.plans.plan_file import parse_plan
+from icymoon.support.errors import IcyMoonError
 
 HEAD = '[plan]\ntitle = "T"\n'
 SUN = """

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as trials
 from hypothesis import strategies as st
-from icymoon.errors import IcyMoonError
 from icymoon.render.cost.estimate import estimate, estimate_roughly
 from icymoon.render.plans import vary_scene
 from icymoon.render.plans.plan_file import parse_plan, read_plan
@@ -30,6 +29,7 @@ from icymoon.render.plans.vary_scene import (
 )
 from icymoon.settings import description, preset_files
 from icymoon.settings.table import TOPICS, all_settings
+from icymoon.support.errors import IcyMoonError
 
 ELEVATION = VariedSetting("light.sun_elevation_deg", 5.0, 60.0, 5)
 ALBEDO = VariedSetting("surface.albedo", 0.2, 0.8, 3)

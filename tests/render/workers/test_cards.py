@@ -3,7 +3,6 @@
 import os
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.workers.cards import (
     ENVIRONMENT,
     Cards,
@@ -14,6 +13,7 @@ from icymoon.render.workers.cards import (
     pick,
     read_chosen_cards,
 )
+from icymoon.support.errors import IcyMoonError
 
 FOUND = ["Card A", "Card B", "Card C"]
 

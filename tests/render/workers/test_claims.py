@@ -12,10 +12,10 @@ import time
 from types import SimpleNamespace
 
 import pytest
-from icymoon import system
-from icymoon.errors import IcyMoonError
 from icymoon.render.workers import claims
 from icymoon.render.workers.claims import Claims
+from icymoon.support import system
+from icymoon.support.errors import IcyMoonError
 
 PAIR = "0123456789ab"
 

@@ -9,11 +9,11 @@ import time
 from pathlib import Path
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.order import ordered
 from icymoon.render.workers import dask_cluster
 from icymoon.render.workers.runner import WorkerOptions
+from icymoon.support.errors import IcyMoonError
 from plans import grid
 from stand import Stand
 

@@ -7,8 +7,8 @@ import sys
 import time
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.workers.detached import Detached, find_left_running
+from icymoon.support.errors import IcyMoonError
 
 TALKS = ("import json, sys, time\n"
          "for k in range(int(sys.argv[1])):\n"

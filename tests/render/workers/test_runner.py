@@ -9,9 +9,7 @@ import threading
 import time
 
 import pytest
-from icymoon import system
 from icymoon.commands import batch
-from icymoon.errors import IcyMoonError
 from icymoon.render.pairs import pair_folder
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.workers import runner
@@ -20,6 +18,8 @@ from icymoon.render.workers.claims import Claims
 from icymoon.render.workers.manifest import MANIFEST
 from icymoon.render.workers.runner import Runner, WorkerOptions
 from icymoon.settings.description import merged
+from icymoon.support import system
+from icymoon.support.errors import IcyMoonError
 from stand import PAIRS, Stand
 
 

@@ -14,8 +14,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from icymoon import system
-from icymoon.errors import IcyMoonError
 from icymoon.physics.light.baked_rocks import TERMS
 from icymoon.render.pairs import baked_file
 from icymoon.render.pairs.baked_file import BakedLight
@@ -23,6 +21,8 @@ from icymoon.render.workers import claims as claims_module
 from icymoon.render.workers import shared_light
 from icymoon.render.workers.claims import CLAIMS_FOLDER, Claims
 from icymoon.render.workers.shared_light import KeptLight, SharedLight, find_stated
+from icymoon.support import system
+from icymoon.support.errors import IcyMoonError
 from pairs import Scene, camera, write_pair
 
 KEY, VERTICES = "0123456789ab", 20

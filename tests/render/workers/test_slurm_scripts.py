@@ -10,10 +10,10 @@ import time
 from dataclasses import replace
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.plans import frozen_plan as datasets
 from icymoon.render.plans.order import ordered, shard
 from icymoon.render.workers.slurm_scripts import SlurmRequest, array_ranges, write_script
+from icymoon.support.errors import IcyMoonError
 from plans import grid
 from stand import Stand
 

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 from icymoon.commands.cli import main
-from icymoon.errors import IcyMoonError
 from icymoon.physics.light.baked_rocks import TERMS
 from icymoon.render.baked_light import Indirect
 from icymoon.render.pairs import baked_file, pair_folder
@@ -23,6 +22,7 @@ from icymoon.render.workers.claims import Claims
 from icymoon.render.workers.shared_light import KeptLight
 from icymoon.render.workers.verify import Findings, Problem, verify
 from icymoon.settings import description, pair_ids
+from icymoon.support.errors import IcyMoonError
 from pairs import Scene, camera, write_pair
 from plans import grid
 

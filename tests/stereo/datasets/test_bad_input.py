@@ -11,7 +11,6 @@ import numpy as np
 import OpenEXR
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map
 from icymoon.stereo.datasets.input_faults import check_prediction
@@ -19,6 +18,7 @@ from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.images.image_headers import MOST_PIXELS
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.sources import find_sources
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -12,13 +12,13 @@ import foreign
 import numpy as np
 import pytest
 from hostile_images import EXRS, JPEGS, PNGS, WEBPS
-from icymoon.errors import IcyMoonError
-from icymoon.files import read_checksum
 from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map
 from icymoon.stereo.datasets.input_faults import doubt_brightness
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.sources import find_sources
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.files import read_checksum
 from icymoon.support.foreign_bytes import MOST_BYTES
 
 CASES = Path(__file__).parents[2] / "data" / "cases"

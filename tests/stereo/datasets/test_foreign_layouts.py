@@ -8,10 +8,10 @@ import foreign
 import numpy as np
 import OpenEXR
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.datasets.foreign_pair import ForeignPair
 from icymoon.stereo.datasets.layouts import find_foreign_pairs
 from icymoon.stereo.sources import find_sources
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

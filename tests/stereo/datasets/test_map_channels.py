@@ -6,10 +6,10 @@ import foreign
 import numpy as np
 import OpenEXR
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.datasets.data_files import MapFile, read_map
 from icymoon.stereo.datasets.map_channels import choose_array, choose_channel
 from icymoon.stereo.sources import find_sources
+from icymoon.support.errors import IcyMoonError
 from icymoon.support.foreign_bytes import RefusedError
 
 HEADER = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}

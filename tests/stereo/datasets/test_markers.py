@@ -9,10 +9,10 @@ import foreign
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.datasets.markers import find_markers, is_possible
 from icymoon.stereo.measure.fit_check import find_places
 from icymoon.stereo.sources import find_sources
+from icymoon.support.errors import IcyMoonError
 
 RIG = pairs.camera(192, 144)
 SCENE = pairs.Scene(distance_m=2.5, slope_x=0.35, slope_y=0.5)

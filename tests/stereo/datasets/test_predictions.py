@@ -9,12 +9,12 @@ import numpy as np
 import OpenEXR
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.evaluate import evaluate
 from icymoon.stereo.export_for_prediction import export_for_prediction
 from icymoon.stereo.images.image_files import read_png
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.prepare import prepare
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = [pytest.mark.filterwarnings("error"), pytest.mark.usefixtures("undrawn")]
 

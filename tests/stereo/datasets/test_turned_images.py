@@ -9,10 +9,10 @@ import cv2
 import foreign
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.datasets.data_files import read_image, read_orientation
 from icymoon.stereo.images.exif import parse_orientation
 from icymoon.stereo.sources import find_sources
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

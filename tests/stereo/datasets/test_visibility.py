@@ -8,11 +8,11 @@ import foreign
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.datasets.data_files import MapFile
 from icymoon.stereo.datasets.visibility import check_right_truth, find_better_reading
 from icymoon.stereo.measure.fit_check import ray_lengths
 from icymoon.stereo.sources import find_sources
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

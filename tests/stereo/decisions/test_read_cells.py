@@ -7,8 +7,8 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from hostile_arrays import NO_FILES, damaged_npy, flipped, put, saved
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.decisions.dem import grid_of, read_cells
+from icymoon.support.errors import IcyMoonError
 
 GOOD = np.linspace(-1.0, 1.0, 12, dtype=np.float32).reshape(3, 4)
 OTHER = {"other shape": saved(GOOD.T), "one side": saved(GOOD.ravel()), "double": saved(GOOD.astype(np.float64)),

@@ -5,8 +5,8 @@ from __future__ import annotations
 import tomllib
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.decisions.rules import SHIPPED, read_rules
+from icymoon.support.errors import IcyMoonError
 
 
 def test_every_shipped_rule_has_a_source():

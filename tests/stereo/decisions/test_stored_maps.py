@@ -7,7 +7,6 @@ import json
 import numpy as np
 import pytest
 import workspaces
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.decide import decide_pairs
 from icymoon.stereo.decisions import stored_maps
 from icymoon.stereo.decisions.rules import read_rules
@@ -21,6 +20,7 @@ from icymoon.stereo.decisions.stored_maps import (
     read_map,
 )
 from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.support.errors import IcyMoonError
 
 
 @pytest.fixture(scope="module")

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.stereo.environment.packages import is_in_blender, require
 from icymoon.stereo.images.views import read_eye
+from icymoon.support.errors import IcyMoonError
 
 
 @pytest.mark.parametrize(("app", "inside"), [

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 from icymoon.stereo.environment import install, packages
-from icymoon.version import ROOT
+from icymoon.support.version import ROOT
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 

@@ -10,11 +10,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats.ply import read_triangles
 from icymoon.physics.arm.silhouette import find_silhouette
 from icymoon.stereo.export import bop
 from icymoon.stereo.export.layouts import export
+from icymoon.support.errors import IcyMoonError
 from rendering import render
 
 pytestmark = pytest.mark.heavy

@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats.cahvor import read_model
 from icymoon.formats.fits import Image, encode_fits
 from icymoon.physics.camera.lens_distortion import distort
@@ -20,6 +19,7 @@ from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export.cameras import quaternion, rays_of
 from icymoon.stereo.export.layouts import FORMATS, export
 from icymoon.stereo.export.radiance_factor import angle_deg
+from icymoon.support.errors import IcyMoonError
 
 RIG = pairs.camera(96, 72)
 SCENE = pairs.Scene(sky_rows=6)

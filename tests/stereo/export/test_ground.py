@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 from hostile_arrays import NO_FILES, put
-from icymoon.errors import IcyMoonError
 from icymoon.settings.description import check, defaults, merged
 from icymoon.stereo.export.ground import FORMATS, _key, read_geometry
+from icymoon.support.errors import IcyMoonError
 
 DAMAGED = {"empty": b"", "list": b"[]", "without": b"{}", "number": b'{"left_out": 5}',
            "numbers": b'{"left_out": [5]}', "cut": b'{"left_out": ["rocks"', "deep": b'{"left_out": ' + b"[" * 50_000,

@@ -14,10 +14,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.export.encodings import in_steps, run_lengths, write_pfm
 from icymoon.stereo.export.layouts import FORMATS, coco_annotations, export, write_truth
 from icymoon.stereo.images.exr import read_view
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -14,14 +14,14 @@ from xml.etree import ElementTree
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.light.planetshine import VisibleCap, irradiance_wm2
 from icymoon.physics.light.scene_sun import SceneSun
 from icymoon.physics.light.sky import sky
 from icymoon.render.pairs.pair_folder import Pair
 from icymoon.settings.description import check, defaults, merged
 from icymoon.stereo.export import mitsuba
-from icymoon.version import ROOT
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.version import ROOT
 
 PLANET = {"light": {"planet": True, "planet_elevation_deg": 40.0, "planet_azimuth_deg": 250.0,
                     "planet_flattening": 0.098, "sun_azimuth_deg": 200.0, "sun_elevation_deg": -20.0}}

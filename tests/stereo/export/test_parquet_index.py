@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.render.pairs.scene_splits import split_of_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export.layouts import export
+from icymoon.support.errors import IcyMoonError
 
 
 @pytest.fixture(scope="module")

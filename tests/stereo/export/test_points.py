@@ -6,7 +6,6 @@ from contextlib import suppress
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats import ply
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.stereo.evaluate import evaluate
@@ -14,6 +13,7 @@ from icymoon.stereo.export.points import MOST_POINTS, measured_points, write_poi
 from icymoon.stereo.images.colours import signed_colours
 from icymoon.stereo.matchers.methods import parse_methods
 from icymoon.stereo.measure.prepare import prepare
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

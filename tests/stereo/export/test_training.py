@@ -13,7 +13,6 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import DiskError, IcyMoonError
 from icymoon.physics.light.directions import toward
 from icymoon.physics.light.scene_sun import SceneSun
 from icymoon.render.pairs.pair_folder import Pair, find_pair_folders, read_pair
@@ -21,6 +20,7 @@ from icymoon.render.pairs.scene_splits import SPLITS, scene_of, split_of
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.export import training
 from icymoon.stereo.export.layouts import export
+from icymoon.support.errors import DiskError, IcyMoonError
 
 RIG = pairs.camera(96, 64)
 SCENE = pairs.Scene(sky_rows=8)

@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.pairs.pair_folder import read_pair
 from icymoon.settings.description import defaults, merged
 from icymoon.stereo.cli import main
 from icymoon.stereo.images.develop import develop, grey, scaled_radiance, to_8_bit
 from icymoon.stereo.images.exr import read_light, read_view
 from icymoon.stereo.images.exr_passes import only_passes
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

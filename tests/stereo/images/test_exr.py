@@ -7,10 +7,8 @@ import numpy as np
 import OpenEXR
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.formats.exr_parts import join_layers, read_pieces
 from icymoon.formats.exr_pixels import drop_passes
-from icymoon.labels import GROUP_PASSES
 from icymoon.stereo.images.exr import (
     NORMAL_PASSES,
     OBJECT_PASSES,
@@ -18,6 +16,8 @@ from icymoon.stereo.images.exr import (
     read_light,
     read_view,
 )
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.labels import GROUP_PASSES
 
 SCENE = pairs.Scene(sky_rows=12)
 LAYOUTS = ["4.x", "4.x view", "5.x"]

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.settings import description, preset_files
 from icymoon.stereo.images.gallery import write_picture, write_sheet
+from icymoon.support.errors import IcyMoonError
 
 NAMES = preset_files.preset_names("gallery")
 

@@ -18,11 +18,11 @@ import numpy as np
 import OpenEXR
 import pytest
 from hostile_images import HEIGHT, IMAGES, MAPS, WHOLE, WIDTH, encode, png, texture
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.datasets.data_files import MapFile, find_inside, read_image, read_map
 from icymoon.stereo.images import bounded_decoding
 from icymoon.stereo.images.image_files import read_pfm, read_png
-from icymoon.system import count_processors, is_ended_by_time_limit, is_gone, process_scope
+from icymoon.support.errors import IcyMoonError
+from icymoon.support.system import count_processors, is_ended_by_time_limit, is_gone, process_scope
 
 READERS = {"image": read_image, "map": lambda path: read_map(MapFile(path)),
            "map with steps": lambda path: read_map(MapFile(path, steps=8))}
@@ -208,7 +208,7 @@ def re_memory(text: str) -> bool:
 @pytest.mark.heavy
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux bounds memory and time")
 def test_a_process_ends_at_its_time():
-    program = ("from icymoon.system import bound_memory_and_time, count_processors\n"
+    program = ("from icymoon.support.system import bound_memory_and_time, count_processors\n"
                "with bound_memory_and_time(10**9, 0.1):\n    pass\n"
                "with bound_memory_and_time(10**8, 5):\n"
                "    try:\n        bytes(10**8 + count_processors() * 2**28)\n"
@@ -260,7 +260,7 @@ def test_hostile_files_take_little_memory_and_time(tmp_path, kind, those):
     """All of them in a process whose memory is limited, as are its children."""
     for n, (name, content) in enumerate(those.items()):
         (tmp_path / f"{n:03d}.{name.partition(':')[0]}").write_bytes(content)
-    program = ("import sys\nfrom pathlib import Path\nfrom icymoon.errors import IcyMoonError\n"
+    program = ("import sys\nfrom pathlib import Path\nfrom icymoon.support.errors import IcyMoonError\n"
                "from icymoon.stereo.datasets.data_files import MapFile, read_image, read_map\n"
                "count = 0\n"
                "for path in sorted(Path(sys.argv[1]).iterdir()):\n"

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.images.image_files import read_pfm
+from icymoon.support.errors import IcyMoonError
 
 
 def test_pfm_of_the_other_byte_order(tmp_path):

@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.camera.lens_distortion import distort, overscan_needed, refuse_folds, undistort
 from icymoon.physics.camera.stereo_camera import StereoCamera
 from icymoon.render.pairs.pair_folder import read_pair
@@ -17,6 +16,7 @@ from icymoon.stereo.images.develop import develop
 from icymoon.stereo.images.exr import read_view
 from icymoon.stereo.images.lens import lens_of
 from icymoon.stereo.matchers import match
+from icymoon.support.errors import IcyMoonError
 
 pytestmark = pytest.mark.filterwarnings("error")
 

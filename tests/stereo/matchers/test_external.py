@@ -11,10 +11,10 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.images.image_files import read_pfm
 from icymoon.stereo.matchers import check_options, match
 from icymoon.stereo.matchers.methods import parse_methods
+from icymoon.support.errors import IcyMoonError
 
 IMAGE = np.random.default_rng(0).integers(0, 256, (20, 30, 3)).astype(np.uint8)
 EXPECTED = np.arange(600, dtype=np.float32).reshape(20, 30) / 16 + 1

@@ -12,8 +12,8 @@ import zipfile
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.matchers import match
+from icymoon.support.errors import IcyMoonError
 
 torch = pytest.importorskip("torch", reason="`make test` installs PyTorch")
 onnx = pytest.importorskip("onnx", reason="`make test` installs onnx")

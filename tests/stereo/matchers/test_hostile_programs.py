@@ -9,10 +9,10 @@ import time
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.resident_process import stop_residents
 from icymoon.stereo.matchers.written_arrays import last_words, read_array
+from icymoon.support.errors import IcyMoonError
 
 SHAPE = 20, 30
 IMAGE = np.random.default_rng(0).integers(0, 256, (*SHAPE, 3)).astype(np.uint8)

@@ -6,9 +6,9 @@ import jpl_images
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.matchers import jpl_correlator as jpl
 from icymoon.stereo.matchers import match
+from icymoon.support.errors import IcyMoonError
 
 NO_DATA = 0x7FFF
 

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.matchers import TITLES, check_options, match
+from icymoon.support.errors import IcyMoonError
 
 RIG = pairs.camera()
 ANYWHERE = ("bm", "sgbm", "sgbm_wls", "jplv")  # what runs without a checkpoint or another program

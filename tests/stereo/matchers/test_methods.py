@@ -4,9 +4,9 @@ import shlex
 import sys
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.matchers import MATCHERS, NEEDS, TITLES, check_options
 from icymoon.stereo.matchers.methods import describe_method, names_method, parse_methods, toggle_method
+from icymoon.support.errors import IcyMoonError
 
 
 @pytest.mark.parametrize(("text", "name", "toggled"), [

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo import matchers
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.result import Result
+from icymoon.support.errors import IcyMoonError
 
 IMAGE = np.zeros((20, 30), np.uint8)
 

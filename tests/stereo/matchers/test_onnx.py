@@ -4,9 +4,9 @@ import time
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.matchers import check_options, complete_options, match
 from icymoon.stereo.matchers import onnx as matcher
+from icymoon.support.errors import IcyMoonError
 
 pytest.importorskip("onnxruntime", reason="`make test` installs ONNX Runtime")
 onnx_networks = pytest.importorskip("onnx_networks", reason="`make test` installs onnx")

@@ -12,12 +12,12 @@ from pathlib import Path
 import numpy as np
 import pairs
 import pytest
-from icymoon import scratch
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.adapters.icymoon_serve import as_disparity
 from icymoon.stereo.matchers import check_options, match, resident_process
 from icymoon.stereo.matchers.resident_process import ADAPTERS, stop_residents
 from icymoon.stereo.matchers.search_range import SearchRange
+from icymoon.support import scratch
+from icymoon.support.errors import IcyMoonError
 
 SHAPE = 20, 30
 RIG = pairs.camera(30, 20)

@@ -3,11 +3,11 @@
 import numpy as np
 import pairs
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.preset_files import load_preset, preset_names
 from icymoon.stereo.matchers import match
 from icymoon.stereo.matchers.search_range import SearchRange, known_ranges, rig_range, true_range
+from icymoon.support.errors import IcyMoonError
 
 #: What the shipped rigs search: the least and the greatest disparity, px.
 RIGS = {"rigs/europa_lander": (144, 815), "rigs/gallery": (0, 191), "rigs/guiss": (0, 143),

@@ -5,9 +5,9 @@ import sys
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.matchers import check_options, match
 from icymoon.stereo.matchers.resident_process import stop_residents
+from icymoon.support.errors import IcyMoonError
 
 #: torch.load as it is with weights_only: a file that contains "code" is refused, and without it runs.
 TORCH = """

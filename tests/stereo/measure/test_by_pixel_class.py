@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from icymoon.labels import LANDER, ROCK, TERRAIN
 from icymoon.stereo.measure import by_pixel_class
 from icymoon.stereo.measure.by_pixel_class import (
     DEPOSITS,
@@ -22,6 +21,7 @@ from icymoon.stereo.measure.by_pixel_class import (
     texture,
 )
 from icymoon.stereo.measure.metrics import usable
+from icymoon.support.labels import LANDER, ROCK, TERRAIN
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -10,8 +10,8 @@ from contextlib import suppress
 import numpy as np
 import pytest
 from hostile_arrays import NO_FILES, damaged_npy, damaged_npz, flipped, packed, put, saved
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.measure.measure_files import measure_files, read_map
+from icymoon.support.errors import IcyMoonError
 
 GOOD = np.linspace(1.0, 9.0, 12).reshape(3, 4)
 DAMAGED = damaged_npy(GOOD) | damaged_npz("disparity", GOOD)
@@ -53,7 +53,7 @@ def test_a_bomb_is_refused_in_little_memory(tmp_path):
         np.lib.format.write_array_header_1_0(member, {"descr": "<f4", "fortran_order": False, "shape": (2**26,)})
         for _ in range(256):
             member.write(bytes(2**20))
-    program = ("import resource, sys\nfrom pathlib import Path\nfrom icymoon.errors import IcyMoonError\n"
+    program = ("import resource, sys\nfrom pathlib import Path\nfrom icymoon.support.errors import IcyMoonError\n"
                "from icymoon.stereo.images.disparity_files import read_disparity\n"
                "from icymoon.stereo.measure.measure_files import read_map\n"
                "taken = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()\n"

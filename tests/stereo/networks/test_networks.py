@@ -9,11 +9,11 @@ import network_golden as golden
 import numpy as np
 import pytest
 import torch
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.matchers import check_options, learned, match
 from icymoon.stereo.networks import recursive_filters
 from icymoon.stereo.networks.dsmnet import DSMNet, concatenation
 from icymoon.stereo.networks.igev import IGEVStereo, LookUp, group_correlation
+from icymoon.support.errors import IcyMoonError
 from torch.nn import functional as F  # noqa: N812, its usual name
 
 BUILD: dict[str, Callable[..., Any]] = {"igev": IGEVStereo, "dsmnet": DSMNet}

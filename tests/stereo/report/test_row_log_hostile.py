@@ -6,9 +6,9 @@ import json
 
 import pytest
 from hostile_arrays import flipped, put
-from icymoon.errors import IcyMoonError
 from icymoon.stereo.report import row_log
 from icymoon.stereo.report.row_log import RowLog
+from icymoon.support.errors import IcyMoonError
 
 ROW = {"pair": "a", "method": "bm", "key": "k"}
 LINE = json.dumps(ROW).encode() + b"\n"

@@ -1,7 +1,6 @@
 """The search for the cheapest quality, with renders and measurements that are made up."""
 
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.render.cost.abilities import Abilities
 from icymoon.render.cost.estimate import work_of
 from icymoon.render.cost.tolerance import checked_tolerance
@@ -9,6 +8,7 @@ from icymoon.settings import description, preset_files
 from icymoon.stereo.trade import cheapest_quality as search
 from icymoon.stereo.trade import losses as measuring
 from icymoon.stereo.trade.measure_variants import Bench
+from icymoon.support.errors import IcyMoonError
 
 
 class Truth:

@@ -9,7 +9,6 @@ import pytest
 import workspaces
 from hypothesis import given
 from hypothesis import strategies as st
-from icymoon.errors import IcyMoonError
 from icymoon.render.cost.tolerance import checked_tolerance, parse_fraction
 from icymoon.render.cost.variants import GROUPS, variants
 from icymoon.render.plans.planned_pair import expand_headings
@@ -21,6 +20,7 @@ from icymoon.stereo.trade import measure_variants
 from icymoon.stereo.trade.advice import decision_advice, distinct_steps, pareto_fronts, variant_advice
 from icymoon.stereo.trade.losses import measure, number_at, pareto_front, read_reference
 from icymoon.stereo.trade.report import write_trade
+from icymoon.support.errors import IcyMoonError
 
 METHODS = parse_methods("sgbm,bm")
 SCENE = pairs.Scene(contrast=0.4)

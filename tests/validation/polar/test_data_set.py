@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from icymoon.commands.cli import main
-from icymoon.errors import IcyMoonError
+from icymoon.support.errors import IcyMoonError
 from icymoon.validation.polar.data_set import EYES, ROCK, SHADOW, View, read_terrains
 from polar_folders import EGGS, SAND_M, write_polar_folder
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
+from icymoon.support.errors import IcyMoonError
 from icymoon.validation.comparison import Bench
 from icymoon.validation.polar.camera import Eye, calibrate, compared_share, turned
 from icymoon.validation.polar.data_set import EYES, ROCK, Polygon, Rock, Terrain, View, read_terrains

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.terrain.landforms import MAKERS, Landform, craters, ridges
 from icymoon.physics.terrain.snow_mantle import fill
 from icymoon.physics.terrain.terrain import make_terrain
 from icymoon.settings.description import defaults, merged
+from icymoon.support.errors import IcyMoonError
 
 
 def _made(topic: str, seed: int = 1, size_m: float = 20.0, **changes: Any) -> Landform:

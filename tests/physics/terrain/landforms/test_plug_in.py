@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.terrain import terrain
 from icymoon.physics.terrain.landforms import plug_in
 from icymoon.plugins.installed import find
@@ -10,6 +9,7 @@ from icymoon.plugins.landforms import read_landform
 from icymoon.settings.description import defaults
 from icymoon.settings.topics.declaration import Table
 from icymoon.settings.topics.scene import Settings, typed
+from icymoon.support.errors import IcyMoonError
 from plugin_packages import LANDFORM, add_package
 
 X = np.array([-3.0, -1.0, 1.0, 3.0])

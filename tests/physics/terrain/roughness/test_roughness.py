@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from icymoon.errors import IcyMoonError
 from icymoon.physics.terrain.roughness.roughness import amplitudes, asked_numbers, wavelengths_m
 from icymoon.physics.terrain.roughness.statistics import detrend, lags, measure, power_spectrum, rms_deviation
 from icymoon.physics.terrain.roughness.structure_function import structure
 from icymoon.physics.terrain.terrain import law_range_m, make_terrain, terrain_advice
 from icymoon.settings.description import defaults, merged
 from icymoon.settings.topics.ground import TerrainSettings
+from icymoon.support.errors import IcyMoonError
 from marks import heavy_but
 
 SIZE, N = 20.0, 1025

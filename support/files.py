@@ -18,8 +18,8 @@ from typing import Any
 
 from . import system
 from .errors import DiskError, IcyMoonError
-from .support.foreign_bytes import MOST_TEXT, decode_text, read_regular
-from .support.printer import show_controls
+from .foreign_bytes import MOST_TEXT, decode_text, read_regular
+from .printer import show_controls
 
 PART = ".part"
 #: Bytes of a file that its checksum is made of at a time.

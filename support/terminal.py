@@ -10,9 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from . import printer
 from .errors import IcyMoonError
 from .files import parse_path, shorten
-from .support import printer
 from .system import is_broken_pipe
 
 if TYPE_CHECKING:

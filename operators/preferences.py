@@ -9,16 +9,16 @@ from typing import Any
 
 import bpy
 
-from . import bundled_wheels, cache
-from .commands.doctor import Finding
-from .errors import IcyMoonError
-from .files import parse_path
-from .formats import asset_library
-from .settings import change_announcements
-from .settings.topics import trust_boundary
-from .stereo.environment.packages import PACKAGES
-from .system import venv_python
-from .version import ROOT
+from ..commands.doctor import Finding
+from ..formats import asset_library
+from ..settings import change_announcements
+from ..settings.topics import trust_boundary
+from ..stereo.environment.packages import PACKAGES
+from ..support import bundled_wheels, cache
+from ..support.errors import IcyMoonError
+from ..support.files import parse_path
+from ..support.system import venv_python
+from ..support.version import ROOT
 
 #: Packages that the evaluator's Python needs, as shown to the user.
 _NEEDED = ", ".join(name for name, *_ in PACKAGES.values())
@@ -50,7 +50,7 @@ def has_own_evaluator() -> bool:
     """Whether the Install button has installed an evaluator, as a whole."""
     if not can_install_evaluator():
         return False
-    from .stereo.environment.install import is_unfinished
+    from ..stereo.environment.install import is_unfinished
 
     try:
         own = own_evaluator_python()

@@ -17,8 +17,8 @@ from typing import Any
 
 from .errors import IcyMoonError
 from .files import quote, read_text
+from .foreign_bytes import MOST_TEXT, ForeignBytes, RefusedError, decode_text, parse_json, read, reason_of
 from .suggestions import nearest
-from .support.foreign_bytes import MOST_TEXT, ForeignBytes, RefusedError, decode_text, parse_json, read, reason_of
 from .system import name_fault
 
 

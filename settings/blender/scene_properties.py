@@ -12,18 +12,18 @@ from typing import Any
 import bpy
 import numpy as np
 
-from . import compat
-from .errors import IcyMoonError
-from .physics.surfaces import principled
-from .plugins.landforms import PREFIX
-from .render.plans.vary_scene import COMBINATIONS, SPACINGS, SceneVariations, VariedSetting
-from .settings.change_announcements import COLOURS, announce, batch_changes, count_changes, make_update
-from .settings.description import canonical, check
-from .settings.landform_releases import refuse_missing, with_releases
-from .settings.mirrored_properties import make_mirror
-from .settings.table import TOPICS, all_settings
-from .settings.topics.declaration import EFFECTS, Setting, Value
-from .settings.topics.scene import Settings, typed
+from ...physics.surfaces import principled
+from ...plugins.landforms import PREFIX
+from ...render.plans.vary_scene import COMBINATIONS, SPACINGS, SceneVariations, VariedSetting
+from ...support.blender import compat
+from ...support.errors import IcyMoonError
+from ..change_announcements import COLOURS, announce, batch_changes, count_changes, make_update
+from ..description import canonical, check
+from ..landform_releases import refuse_missing, with_releases
+from ..mirrored_properties import make_mirror
+from ..table import TOPICS, all_settings
+from ..topics.declaration import EFFECTS, Setting, Value
+from ..topics.scene import Settings, typed
 
 #: Settings that were read to be displayed, with the time, by the scene's ``session_uid``.
 _displayed: dict[int, tuple[float, int, Settings]] = {}
