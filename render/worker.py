@@ -31,10 +31,10 @@ from . import baked_light
 from .cycles_errors import first_line
 from .pairs.pair_folder import is_complete
 from .plans.planned_pair import PlannedPair, expand_headings
-from .progress import tell_while_compiling
 from .render_pair import check_space, render_pair
 from .scene_source import FixedScene, ScenesFromSettings
 from .workers.claims import Claims
+from .workers.first_use_of_card import tell_while_compiling
 from .workers.job import read_job, read_planned_pairs
 from .workers.memory import describe_shortage
 from .workers.shared_light import SharedLight

@@ -14,6 +14,7 @@ from ...settings.shared_settings import find_shared, without_shared
 from ...support.errors import IcyMoonError
 from ...support.file_shapes import ANYTHING, COUNT, FLAG, NUMBER, PIXELS, TABLE, TEXT, Each, Maybe, Shape, read_record
 from ...support.files import escape_cell, write_atomically, write_json
+from ...support.number_text import count_of
 from ..datasets.predictions import options_of
 from ..environment import packages
 from ..inference.scene_means import FEWEST_EXACT, FEWEST_FOR_MEAN
@@ -198,8 +199,8 @@ def _provenance(methods: Sequence[Method], facts: Mapping[str, list[Any]], sourc
             "versions": packages.find_versions(), "error_curve_steps_m": list(ERROR_STEPS_M),
             "sparsification_shares": list(SHARES),
             "averages": "mean over pairs, each pair with equal weight; pooled_* over the pixels of all pairs",
-            "intervals": f"95 %, over scenes: of shares from 2 scenes on, of other means from {FEWEST_FOR_MEAN} scenes "
-                         f"on, approximate below {FEWEST_EXACT}",
+            "intervals": f"95 %, over scenes: of shares from 2 scenes on, of other means from "
+                         f"{count_of(FEWEST_FOR_MEAN, 'scene')} on, approximate below {FEWEST_EXACT}",
             "verdicts": "typical scene (pseudomedian), signed ranks, random signs of scenes, 5 % for all "
                         f"comparisons by a metric, seed {seed}",
             "pixels": REGIONS | {f"common_{prefix}": f"pixels that both compared methods measured, {which}"

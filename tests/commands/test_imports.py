@@ -11,8 +11,8 @@ from icymoon.commands import cli
 from icymoon.stereo import cli as stereo
 
 #: What the command line needs before a verb runs. A name more here is a wait for whoever asks for help.
-BEFORE_A_VERB = {"", "__main__", "bundled_wheels", "commands", "commands.cli", "errors", "files", "support",
-                 "support.foreign_bytes", "support.printer", "system", "terminal", "version"}
+BEFORE_A_VERB = {"", "__main__", "commands", "commands.cli", "support", *(f"support.{name}" for name in (
+    "bundled_wheels", "errors", "files", "foreign_bytes", "printer", "system", "terminal", "version"))}
 PROGRAM = ("import sys\nfrom icymoon.__main__ import main\n"
            "try:\n    main(sys.argv[1:])\nexcept SystemExit:\n    pass\n"
            "print(*sys.modules, file=sys.stderr)")

@@ -9,9 +9,10 @@ from typing import cast
 import bpy
 import pytest
 from icymoon.operators import jobs
-from icymoon.render import graphics_cards, progress, worker
+from icymoon.render import graphics_cards, worker
 from icymoon.render.plans.planned_pair import expand_headings
 from icymoon.render.scene_source import FixedScene
+from icymoon.render.workers import first_use_of_card
 from icymoon.render.workers.cards import ENVIRONMENT, Cards
 from icymoon.render.workers.shared_light import SharedLight
 from icymoon.support.errors import IcyMoonError
@@ -121,7 +122,7 @@ def rendered_by_a_fake(monkeypatch, tmp_path, device, headings=1):
         report(0.5)
         time.sleep(0.1)
 
-    monkeypatch.setattr(progress, "TELL_S", 0.01)
+    monkeypatch.setattr(first_use_of_card, "TELL_S", 0.01)
     monkeypatch.setattr(worker, "render_pair", render_pair)
     monkeypatch.setattr(worker.baked_light, "provide", bake)
     monkeypatch.setattr(SharedLight, "note_pair", lambda *arguments: time.sleep(0.1))
@@ -149,18 +150,18 @@ def test_a_processor_compiles_nothing(monkeypatch, tmp_path):
 
 
 def test_a_worker_that_hangs_becomes_silent(monkeypatch):
-    monkeypatch.setattr(progress, "TELL_S", 0.01)
-    monkeypatch.setattr(progress, "_LONGEST_S", 0.0)
+    monkeypatch.setattr(first_use_of_card, "TELL_S", 0.01)
+    monkeypatch.setattr(first_use_of_card, "_LONGEST_S", 0.0)
     told = []
-    with progress.tell_while_compiling(threading.Event(), lambda: told.append(1)):
+    with first_use_of_card.tell_while_compiling(threading.Event(), lambda: told.append(1)):
         time.sleep(0.2)
     assert told == []
 
 
 def test_nothing_is_told_after_a_pair_has_failed(monkeypatch):
-    monkeypatch.setattr(progress, "TELL_S", 0.01)
+    monkeypatch.setattr(first_use_of_card, "TELL_S", 0.01)
     told = []
-    with pytest.raises(IcyMoonError), progress.tell_while_compiling(threading.Event(), lambda: told.append(1)):
+    with pytest.raises(IcyMoonError), first_use_of_card.tell_while_compiling(threading.Event(), lambda: told.append(1)):
         raise IcyMoonError("It failed.")
     before = len(told)
     time.sleep(0.1)
